@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from time import monotonic, process_time
 
@@ -13,6 +13,8 @@ from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
 from workbench.health.check.result import Answer
 from workbench.health.check.subject import CheckedFmu
+from workbench.health.check.swing import swing_of
+from workbench.signals.kinds import Signal
 
 __all__ = ["largest_step"]
 
@@ -41,7 +43,8 @@ _CHUNK = 200  # points, after which the clock is looked at
 def largest_step(subject: CheckedFmu) -> Answer:
     """Find the longest communication steps with one percent of error, and with a motion that dies away.
 
-    Inputs jump once and stand still (see `step`). Error of the step h in the test run, where two neighbouring points
+    Inputs jump once and stand still, and for the error they also swing as fast as the model follows (see `swing_of`):
+    the larger error counts. Error of the step h in the test run, where two neighbouring points
     have it: |y_h − y*| over the range of each variable, with y* = y_(h/8) + (y_(h/8) − y_(h/4)) / (2^p − 1) and the
     order p = log2(|y_(h/2) − y_(h/4)| / |y_(h/4) − y_(h/8)|) that is seen (Richardson). Stability: over 12,800 steps
     the movement, or what a straight line leaves of it, must get smaller from the third quarter to the last, and does
@@ -77,6 +80,19 @@ class _LongestStep:
     told: str
 
 
+@dataclass(frozen=True)
+class _Excitation:
+    """Inputs, for how long [s], and in words."""
+
+    signals: Mapping[str, Signal]
+    span: float
+    words: str
+
+    def steps(self, h: float) -> int:
+        """Steps of its run; a few where they are longer than it."""
+        return max(_FEWEST, math.floor(self.span / h * (1.0 + _FLOOR)))
+
+
 class _NoTimeError(Exception):
     """There is no more time."""
 
@@ -94,7 +110,11 @@ class _StepSearch:
         self.subject, self.tried = subject, 0.0
         self.order: float | None = None
         self._failed: set[float] = set()
-        self._until, self._end, self._errors = math.inf, math.inf, dict[float, tuple[float, float]]()
+        swing = swing_of(subject)
+        self._excitations = [_Excitation(subject.constants(), subject.span, "after a jump of the inputs")]
+        if swing is not None:
+            self._excitations.append(_Excitation(swing.signals, swing.steps * subject.step, f"with {swing.words}"))
+        self._until, self._end, self._errors = math.inf, math.inf, dict[tuple[float, int], tuple[float, float]]()
         begin = process_time()
         first = self._run(subject.step, subject.steps)
         self._cost = max(process_time() - begin, _CLOCK) / subject.steps  # [s] of a step
@@ -102,14 +122,14 @@ class _StepSearch:
             (np.ptp(first, axis=0) > _FLOOR * np.abs(first).max(axis=0, initial=0.0)).any()
         )
 
-    def _run(self, h: float, count: int, parts: int = 1) -> Floats | None:
+    def _run(self, h: float, count: int, parts: int = 1, signals: Mapping[str, Signal] | None = None) -> Floats | None:
         """Return the values after so many times h, in steps of a part of it, shape (count, k); None: it fails.
 
         Raises:
             _NoTimeError: it takes too long.
         """
         points: Floats = self.subject.start + h * np.arange(1.0, count + 1.0)
-        signals, result = self.subject.constants(), list[Floats]()
+        signals, result = signals or self.subject.constants(), list[Floats]()
         try:
             with self.subject.open(step=h / parts) as session:
                 for some in np.array_split(points, math.ceil(count / _CHUNK)):
@@ -137,17 +157,27 @@ class _StepSearch:
 
     # -- accuracy -----------------------------------------------------------------------------
 
-    def _judged(self, h: float) -> tuple[float, float]:
+    def _judged(self, h: float, excitation: int) -> tuple[float, float]:
         """Return the error of a step, over the range, inf where it fails, and the order seen; NaN: none."""
-        if h not in self._errors:
-            count = math.floor(self.subject.span / h * (1.0 + _FLOOR))
-            runs = [self._run(h, count, 2**k) for k in range(_HALVINGS + 1)]
-            self._errors[h] = _richardson(runs)
-        return self._errors[h]
+        if (h, excitation) not in self._errors:
+            forced = self._excitations[excitation]
+            runs = [self._run(h, forced.steps(h), 2**k, forced.signals) for k in range(_HALVINGS + 1)]
+            self._errors[h, excitation] = _richardson(runs)
+        return self._errors[h, excitation]
+
+    def _worst(self, h: float) -> int:
+        """Return the excitation with the larger error."""
+        return max(range(len(self._excitations)), key=lambda k: self._judged(h, k)[0])
+
+    def _error(self, h: float) -> float:
+        return self._judged(h, self._worst(h))[0]
+
+    def _can_judge(self, h: float, excitations: Sequence[_Excitation]) -> bool:
+        return self._affordable(h, 2 ** (_HALVINGS + 1) * sum(e.steps(h) for e in excitations))
 
     def _is_accurate(self, h: float) -> bool:
         self.tried = max(self.tried, h)
-        return self._judged(h)[0] <= _WANTED
+        return self._error(h) <= _WANTED
 
     def accurate(self) -> _LongestStep:
         """Return the longest step with one percent of error, tried from long ones on."""
@@ -156,35 +186,37 @@ class _StepSearch:
             if self._is_accurate(h):
                 break
             h *= 0.5
-            if not self._affordable(h, 2 ** (_HALVINGS + 1) * round(self.subject.span / h)):
+            if not self._can_judge(h, self._excitations):
                 return _LongestStep(
                     None, 2.0 * h, f"more than 1 % of error down to {_step(2.0 * h)}, the shortest tried"
                 )
         else:
             return _LongestStep(None, 2.0 * h, f"more than 1 % of error down to {_step(2.0 * h)}, the shortest tried")
-        error = self._judged(h)[0]
+        error, excitation = self._error(h), self._excitations[self._worst(h)].words
         self.order = self._seen_order(h)
         words = "no order is seen" if self.order is None else f"order {self.order:.2f}"
         if h == longest:
             alone = "the step has no effect" if error <= _FLOOR else f"less than 1 % of error ({words})"
-            return _LongestStep(None, None, f"{alone} up to {_step(h)}, the longest tried")
+            return _LongestStep(None, None, f"{alone} up to {_step(h)}, the longest tried, {excitation}")
         if self.order is None:
             return _LongestStep(
                 None, 2.0 * h, "which step has an error of 1 % is not known: the error follows no order"
             )
         low, high = self._bisected(self._is_accurate, h, 2.0 * h)
-        return _LongestStep(low, high, f"1 % of error at {_step(low)} ({words})")
+        return _LongestStep(low, high, f"1 % of error at {_step(low)} ({words}), {excitation}")
 
     def _seen_order(self, h: float) -> float | None:
         """Return the order on which three steps agree, from h down; None: none do before rounding or time ends it."""
-        orders = [self._judged(h)[1]]
+        worst = self._worst(h)
+        orders = [self._judged(h, worst)[1]]
         for _ in range(_ORDERS):
             h *= 0.5
-            if not self._affordable(h, 2 ** (_HALVINGS + 1) * round(self.subject.span / h)):
+            if not self._can_judge(h, [self._excitations[worst]]):
                 break
-            orders.append(self._judged(h)[1])
+            orders.append(self._judged(h, worst)[1])
             last = orders[-_AGREE:]
-            if len(last) == _AGREE and min(last) >= _LEAST_ORDER and max(last) - min(last) <= _ALIKE:
+            seen = len(last) == _AGREE and all(p >= _LEAST_ORDER for p in last)  # NaN is not
+            if seen and max(last) - min(last) <= _ALIKE:
                 return last[-1]
         return None
 

@@ -102,7 +102,7 @@ def _call(instance: Instance) -> tuple[Any, tuple[Any, ...], tuple[ctypes.c_bool
     last: tuple[Any, ...] = (b"\1",) if instance.version == 1 else (1,)
     if instance.version == 3:
         last = (True, *map(byref, told), byref(ctypes.c_double()))
-    return instance.library[instance.CALLS["do_step"]], last, told
+    return instance.library[f"fmi{instance.version}DoStep"], last, told
 
 
 def _overhead(instance: Instance) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -10,9 +11,11 @@ import numpy as np
 
 from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
-from workbench.health.check.compare import relative_gaps, usual_gap
+from workbench.health.check.compare import usual_gap
 from workbench.health.check.result import Answer
 from workbench.health.check.subject import CheckedFmu, Trajectory
+from workbench.health.check.swing import swing_of
+from workbench.signals.kinds import Signal
 
 __all__ = ["step"]
 
@@ -42,6 +45,8 @@ class _Convergence:
         orders: log2 of each change over the next.
         order: the last steady one; NaN: none is seen.
         error: of the longest step, by Richardson's extrapolation from the shortest two.
+        name: of the variable that has it.
+        moves: whether anything moves.
     """
 
     steps: list[float]
@@ -49,46 +54,83 @@ class _Convergence:
     orders: list[float]
     order: float
     error: float
+    name: str = ""
+    moves: bool = True
 
 
 def step(subject: CheckedFmu) -> Answer:
     """Halve the communication step until the change falls steadily; then run long enough to see divergence.
 
-    Inputs jump once and stand still, so that what is seen is the FMU's own integration, not how it takes inputs (see
-    inputs). Over 64 natural steps h: y_k with step h/2^k, change d_k = max |y_k − y_(k+1)| over the range, observed
-    order p = log2(d_k / d_(k+1)), y* = y_K + (y_K − y_(K−1)) / (2^p − 1) (Richardson), error of the natural
-    step max |y_0 − y*|. One point of ten may differ by more: where a jump falls beside a communication point, rounding
-    decides on which side. Then over the whole test run (at most 500 natural steps) the largest excursion is
-    compared with that of shorter steps until two of these agree within a factor of 2.
+    First inputs jump once and stand still, so that what is seen is the FMU's own integration. Over 64 natural steps h:
+    y_k with step h/2^k, change d_k = max |y_k − y_(k+1)| over the range, observed order p = log2(d_k / d_(k+1)),
+    y* = y_K + (y_K − y_(K−1)) / (2^p − 1) (Richardson), error of the natural step max |y_0 − y*|. One point of ten may
+    differ by more: where a jump falls beside a communication point, rounding decides on which side. Then the same with
+    inputs that swing as fast as the model follows them (see `swing_of`): where an FMU makes short steps of its own
+    inside, only these show a communication step that is too long. At last, over the whole test run (at most 500
+    natural steps), the largest excursion is compared with that of shorter steps until two of these agree within a
+    factor of 2.
 
     Broken: the excursion at the natural step is 10 times that of a short one, or it fails where a short one does not:
     the FMU diverges where the model does not. A model that is itself unstable passes, since it flies away with all
-    steps. Watch: first order with an error above 1e-4, any order with one above 1 %, or no convergence. Good: else.
+    steps. Watch: first order with an error above 1e-4, any order with one above 1 %, or no convergence; more than 1 %
+    with swinging inputs. Not applicable: nothing moves, so that the effect of the step is unknown. Good: else.
 
     Source: Richardson, The approximate arithmetical solution by finite differences, Phil. Trans. A 210 (1911).
     """
-    near = _converge(subject)
+    near = _converge(subject, subject.constants(), min(_COARSE, subject.steps))
     far, reached = _excursion(subject)
+    swing = swing_of(subject)
+    if swing is None and not near.moves:
+        return Answer("not applicable", _still(subject))
+    swung = None if swing is None else _converge(subject, swing.signals, swing.steps)
     numbers = {
         "step": subject.step, "own_step": subject.own_step is not None, "steps": near.steps,
         "changes": _plain(near.changes), "orders": _plain(near.orders), "order": _number(near.order),
         "error": _number(near.error), "excursion": _number(far), "excursion_step": reached,
-        "diverges": far >= _DIVERGES,
+        "diverges": far >= _DIVERGES, "swing_frequency": None if swing is None else swing.frequency,
+        "swing_error": None if swung is None else _number(swung.error),
     }  # fmt: skip
-    return Answer(*_verdict(subject, near, far, reached), numbers=numbers)
+    verdict, evidence, consequence = _verdict(subject, near, far, reached)
+    if verdict == "broken":
+        return Answer(verdict, evidence, consequence, numbers)
+    at = f"at {_whose(subject)} {subject.step:.4g} s"
+    if swing is None or swung is None:
+        unseen = "; with moving inputs unknown: no output follows them with a delay" if subject.inputs else ""
+        return Answer(verdict, f"{evidence} {at}{unseen}", consequence, numbers)
+    evidence = f"{_share(swung)} {at} with {swing.words}; after a jump of the inputs {evidence}"
+    if swung.error <= _FINE:
+        return Answer(verdict, evidence, consequence, numbers)
+    return Answer("watch", evidence, consequence or _advice(subject, swung, subject.step), numbers)
+
+
+def _still(subject: CheckedFmu) -> str:
+    jump = "when its inputs jump by 5 % of their size" if subject.inputs else "and there are no continuous inputs"
+    return f"unknown at {subject.step:.4g} s: nothing moves {jump}"
+
+
+def _share(near: _Convergence) -> str:
+    if not math.isfinite(near.error):
+        return "fails"
+    return f"error {100.0 * near.error:.2g} % of the range of {near.name}"
 
 
 def _verdict(subject: CheckedFmu, near: _Convergence, far: float, reached: float) -> tuple[str, str, str]:
-    whose = "its own step" if subject.own_step is not None else "its natural step"
+    whose = _whose(subject)
     order = _order_words(near)
     if far >= _DIVERGES:
         times = "fails" if math.isinf(far) else f"{far:.3g} times too large"
         text = f"{order}, diverging at {whose} {subject.step:.4g} s ({times} after {subject.span:.3g} s; "
         return "broken", f"{text}not with {reached:.3g} s)", _advice(subject, near, reached)
-    error = f"error {100.0 * near.error:.2g} % at {whose} {subject.step:.4g} s"
+    error = _share(near)
     if near.error <= _EXACT or (near.order >= _FIRST and near.error <= _FINE):
         return "good", f"{error} ({order})", ""
     return "watch", f"{order}, {error}", _advice(subject, near, subject.step)
+
+
+def _whose(subject: CheckedFmu) -> str:
+    if subject.model.recipe.step:
+        return "the given step"
+    return "its own step" if subject.own_step is not None else "its natural step"
 
 
 def _order_words(near: _Convergence) -> str:
@@ -114,12 +156,12 @@ def _advice(subject: CheckedFmu, near: _Convergence, reached: float) -> str:
 # -- near: order and error ----------------------------------------------------------------------
 
 
-def _converge(subject: CheckedFmu) -> _Convergence:
-    points: Floats = subject.start + subject.step * np.arange(1.0, min(_COARSE, subject.steps) + 1)
+def _converge(subject: CheckedFmu, signals: Mapping[str, Signal], count: int) -> _Convergence:
+    points: Floats = subject.start + subject.step * np.arange(1.0, count + 1.0)
     runs: list[Trajectory | None] = []
     changes: list[float] = []
     for k in range(_HALVINGS + 1):
-        runs.append(_try(subject, points, subject.step / 2**k))
+        runs.append(_try(subject, signals, points, subject.step / 2**k))
         if k:
             changes.append(_change(runs[-2], runs[-1]))
         if _enough(changes):
@@ -127,12 +169,15 @@ def _converge(subject: CheckedFmu) -> _Convergence:
     steps = [subject.step / 2**k for k in range(len(runs))]
     orders = _orders(changes)
     order = next((p for p in reversed(orders) if math.isfinite(p)), math.nan)
-    return _Convergence(steps, changes, orders, order, _error(runs, order))
+    errors = _errors(runs, order)
+    name = subject.names[int(np.argmax(errors))] if len(subject.names) else ""
+    moves = runs[-1] is None or bool((runs[-1].scale > 0.0).any())
+    return _Convergence(steps, changes, orders, order, float(errors.max(initial=0.0)), name, moves)
 
 
-def _try(subject: CheckedFmu, points: Floats, h: float) -> Trajectory | None:
+def _try(subject: CheckedFmu, signals: Mapping[str, Signal], points: Floats, h: float) -> Trajectory | None:
     try:
-        return subject.run(subject.constants(), step=h, points=points)
+        return subject.run(signals, step=h, points=points)
     except SimulationError:
         return None
 
@@ -157,14 +202,14 @@ def _enough(changes: list[float]) -> bool:
     return steady and changes[-1] <= _FINE
 
 
-def _error(runs: list[Trajectory | None], order: float) -> float:
-    """Return the error of the first run against the extrapolated last."""
+def _errors(runs: list[Trajectory | None], order: float) -> Floats:
+    """Return the error of each variable in the first run against the extrapolated last; [inf] where one fails."""
     first, before, last = runs[0], runs[-2], runs[-1]
     if first is None or before is None or last is None:
-        return math.inf
+        return np.array([math.inf])
     gain = 1.0 / (2.0**order - 1.0) if order >= _NO_ORDER else 0.0
     best = Trajectory(last.time, last.values + gain * (last.values - before.values))
-    return float(np.quantile(relative_gaps(first, best), 1.0 - _BESIDE, axis=0).max(initial=0.0))
+    return usual_gap(first, best, _BESIDE)
 
 
 # -- far: divergence ----------------------------------------------------------------------------
