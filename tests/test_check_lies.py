@@ -192,7 +192,7 @@ def test_the_excursion_of_a_diverging_fmu_is_that_of_explicit_euler(folder: Path
 
 def test_the_recommended_step_is_good(folder: Path) -> None:
     line = card(folder, "euler", "step").line("step", "cs")
-    (wanted,) = re.findall(r"--step ([\d.e-]+) \(about 1 %", line.consequence)
+    (wanted,) = re.findall(r"step=([\d.e-]+)` \(about 1 %", line.consequence)
     again = check(build_lying(folder, "euler"), only=["step"], interface="cs", step=float(wanted), workers=HERE)
     assert again.line("step", "cs").numbers["error"] < 0.015
 
@@ -210,8 +210,7 @@ def test_a_clock_is_told_with_its_size(folder: Path) -> None:
     line = card(folder, "clock", "start-time").line("start-time", "me")
     assert line.numbers["shift"] == 32.0
     assert line.numbers["relative"] > 0.1
-    named = re.findall(r"--\w+", line.consequence)
-    assert named == ["--start"]
+    assert re.findall(r"`\w+`", line.consequence) == ["`start`"]
     for request in (Simulate, Nfr, Lin, Branches, Check):
         assert "--start" in {declared.flag for declared, _ in asked_options(request).values()}
 

@@ -82,8 +82,9 @@ class _LongestStep:
 
 @dataclass(frozen=True)
 class _Excitation:
-    """Inputs, for how long [s], and in words."""
+    """What is observed, its inputs, for how long [s], and in words."""
 
+    subject: CheckedFmu
     signals: Mapping[str, Signal]
     span: float
     words: str
@@ -111,9 +112,10 @@ class _StepSearch:
         self.order: float | None = None
         self._failed: set[float] = set()
         swing = swing_of(subject)
-        self._excitations = [_Excitation(subject.constants(), subject.span, "after a jump of the inputs")]
+        self._excitations = [_Excitation(subject, subject.constants(), subject.span, "after a jump of the inputs")]
         if swing is not None:
-            self._excitations.append(_Excitation(swing.signals, swing.steps * subject.step, f"with {swing.words}"))
+            span = swing.steps * subject.step
+            self._excitations.append(_Excitation(swing.subject, swing.signals, span, f"with {swing.words}"))
         self._until, self._end, self._errors = math.inf, math.inf, dict[tuple[float, int], tuple[float, float]]()
         begin = process_time()
         first = self._run(subject.step, subject.steps)
@@ -122,20 +124,20 @@ class _StepSearch:
             (np.ptp(first, axis=0) > _FLOOR * np.abs(first).max(axis=0, initial=0.0)).any()
         )
 
-    def _run(self, h: float, count: int, parts: int = 1, signals: Mapping[str, Signal] | None = None) -> Floats | None:
+    def _run(self, h: float, count: int, parts: int = 1, forced: _Excitation | None = None) -> Floats | None:
         """Return the values after so many times h, in steps of a part of it, shape (count, k); None: it fails.
 
         Raises:
             _NoTimeError: it takes too long.
         """
         points: Floats = self.subject.start + h * np.arange(1.0, count + 1.0)
-        signals, result = signals or self.subject.constants(), list[Floats]()
+        forced, result = forced or self._excitations[0], list[Floats]()
         try:
             with self.subject.open(step=h / parts) as session:
                 for some in np.array_split(points, math.ceil(count / _CHUNK)):
                     if self._is_late():
                         raise _NoTimeError
-                    result.append(self.subject.observe(session, signals, some).values)
+                    result.append(forced.subject.observe(session, forced.signals, some).values)
         except SimulationError:
             return None
         return np.concatenate(result)
@@ -161,7 +163,7 @@ class _StepSearch:
         """Return the error of a step, over the range, inf where it fails, and the order seen; NaN: none."""
         if (h, excitation) not in self._errors:
             forced = self._excitations[excitation]
-            runs = [self._run(h, forced.steps(h), 2**k, forced.signals) for k in range(_HALVINGS + 1)]
+            runs = [self._run(h, forced.steps(h), 2**k, forced) for k in range(_HALVINGS + 1)]
             self._errors[h, excitation] = _richardson(runs)
         return self._errors[h, excitation]
 

@@ -72,8 +72,9 @@ def step(subject: CheckedFmu) -> Answer:
 
     Broken: the excursion at the natural step is 10 times that of a short one, or it fails where a short one does not:
     the FMU diverges where the model does not. A model that is itself unstable passes, since it flies away with all
-    steps. Watch: first order with an error above 1e-4, any order with one above 1 %, or no convergence; more than 1 %
-    with swinging inputs. Not applicable: nothing moves, so that the effect of the step is unknown. Good: else.
+    steps. Watch: first order with an error above 1e-4, any order with one above 1 %, or no convergence; at a step that
+    the user or the FMU names, also more than 1 % of the fastest output's range with swinging inputs. Not applicable:
+    nothing moves, so that the effect of the step is unknown. Good: else.
 
     Source: Richardson, The approximate arithmetical solution by finite differences, Phil. Trans. A 210 (1911).
     """
@@ -82,7 +83,7 @@ def step(subject: CheckedFmu) -> Answer:
     swing = swing_of(subject)
     if swing is None and not near.moves:
         return Answer("not applicable", _still(subject))
-    swung = None if swing is None else _converge(subject, swing.signals, swing.steps)
+    swung = None if swing is None else _converge(swing.subject, swing.signals, swing.steps)
     numbers = {
         "step": subject.step, "own_step": subject.own_step is not None, "steps": near.steps,
         "changes": _plain(near.changes), "orders": _plain(near.orders), "order": _number(near.order),
@@ -98,7 +99,7 @@ def step(subject: CheckedFmu) -> Answer:
         unseen = "; with moving inputs unknown: no output follows them with a delay" if subject.inputs else ""
         return Answer(verdict, f"{evidence} {at}{unseen}", consequence, numbers)
     evidence = f"{_share(swung)} {at} with {swing.words}; after a jump of the inputs {evidence}"
-    if swung.error <= _FINE:
+    if swung.error <= _FINE or subject.own_step is None:
         return Answer(verdict, evidence, consequence, numbers)
     return Answer("watch", evidence, consequence or _advice(subject, swung, subject.step), numbers)
 

@@ -68,11 +68,13 @@ class CheckedFmu:
         model: opened with the interface.
         shorten: factor on the length of test runs, for FMUs that fail later on.
         refine: so many steps are made of a natural one, for FMUs that diverge with it.
+        observed: variables that are compared; empty: all of `names`.
     """
 
     model: DescribedModel
     shorten: float = 1.0
     refine: int = 1
+    observed: tuple[str, ...] = ()
 
     # -- time -----------------------------------------------------------------------------
 
@@ -120,6 +122,8 @@ class CheckedFmu:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """The observed variables: outputs and, where the file names them, states."""
+        if self.observed:
+            return self.observed
         known = {v.name for v in self.model.description.variables}
         result = [v.name for v in self.model.outputs if v.is_number]
         result += [v.name for v in self.model.states if v.name in known]

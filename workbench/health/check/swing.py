@@ -25,12 +25,14 @@ class Swing:
     """How the inputs swing.
 
     Attributes:
+        subject: what is checked, observed at the fastest output: slower ones hardly move at its pace.
         signals: cosines from the start on, so that they jump first; the fastest has `frequency`.
         frequency: 1/(2π T) of the time T in which the fastest output covers 63 % of its way after a jump [Hz].
         name: of that output.
         steps: natural steps of one period, at least 64, at most a test run.
     """
 
+    subject: CheckedFmu
     signals: dict[str, Signal]
     frequency: float
     name: str
@@ -61,7 +63,7 @@ def swing_of(subject: CheckedFmu) -> Swing | None:
         for i, (n, sine) in enumerate(subject.sines().items())
     }
     period = math.ceil(1.0 / (frequency * subject.step))
-    return Swing(signals, frequency, name, min(subject.steps, max(64, period)))
+    return Swing(replace(subject, observed=(name,)), signals, frequency, name, min(subject.steps, max(64, period)))
 
 
 def _quickest(subject: CheckedFmu) -> tuple[float, str] | None:
