@@ -104,7 +104,7 @@ def test_what_cannot_be_known_is_not_told(tmp_path: Path) -> None:
 
 
 def test_a_step_that_only_moving_inputs_show() -> None:
-    """The Rudder steps inside: at rest any step is exact. A run of delC at 2 Hz is 7.2 % off at 0.1 s, 0.24 % at 0.02 s."""
+    """The Rudder steps inside: at rest any step is exact; delC at 2 Hz is 7.2 % off at 0.1 s, 0.24 % at 0.02 s."""
 
     def at(h: float, name: str) -> HealthLine:
         return check("fmu:Rudder", only=[name], interface="cs", step=h, workers=HERE).line(name, "cs")
