@@ -243,6 +243,20 @@ def test_a_binary_that_cannot_be_loaded_is_told_once(github: Path, capsys: pytes
     assert capsys.readouterr().err.count("::error") == 1
 
 
+def test_models_that_cannot_be_read_cost_the_others_no_verdict(
+    github: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    github.joinpath("base.toml").touch()
+    github.joinpath("pointer.fmu").write_text("version https://git-lfs.github.com/spec/v1\n", encoding="utf-8")
+    words = ["check", "pointer.fmu", "fmu:FirstOrderLag", "basse.fmu", "--only", "runs", "--interface", "me"]
+    assert run([*words, "--junit", "junit.xml", "--report", "page.html", "--json", "card.json"]) == 2
+    assert list(cases_in(Path("junit.xml")).values()) == ["error", "system-out", "error"]
+    told = capsys.readouterr().err.splitlines()[-2]
+    assert re.match("workbench: pointer.fmu: .*'git lfs pull'; basse.fmu: no such file; give an .fmu", told)
+    for file in ("junit.xml", "page.html", "summary.md", "card.json"):
+        assert "git lfs pull" in (github / file).read_text(encoding="utf-8")
+
+
 def test_an_envelope_has_a_case_for_each_point(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("lag.toml").write_text(ENVELOPE, encoding="utf-8")

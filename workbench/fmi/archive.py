@@ -26,6 +26,7 @@ __all__ = ["DAMAGED", "Unpacked", "damaged", "extract", "locate", "unpack"]
 DAMAGED = (zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, EOFError, ValueError)
 
 _ARCHIVES = (".fmu", ".ssp", ".zip")
+_GIT_LFS = b"version https://git-lfs"  # begins what git holds in place of a large file
 _MODELS = "an .fmu, an unpacked FMU, fmu:NAME, or a system: .toml, .ssp, .ssd, system:NAME"
 
 MAX_BYTES = 4 << 30  # unpacked, all files together
@@ -122,12 +123,16 @@ def _is_needed(file: PurePosixPath) -> bool:
     return file.parts[0] not in _SKIPPED and not is_foreign(file)
 
 
-def damaged(source: str) -> FmuError:
+def damaged(path: Path, source: str) -> FmuError:
     """Return the error for a file that is no archive, though its name says so, or that was not meant to be one.
 
     Args:
-        source: what the user calls the file.
+        path: of the file.
+        source: what the user calls it.
     """
+    with path.open("rb") as file:
+        if file.read(len(_GIT_LFS)) == _GIT_LFS:
+            return FmuError(f"{source}: is a pointer of git-lfs, not the file itself; fetch it with 'git lfs pull'")
     if Path(source).suffix.lower() in _ARCHIVES:
         return FmuError(f"{source}: not a zip archive or damaged; copy or export it again")
     return FmuError(f"{source}: is not an FMU, a system or an SSP package; give {_MODELS}")
@@ -167,7 +172,7 @@ def extract(
                         raise FmuError(f"{source}: {_cannot_be_unpacked(name, error)}") from None
             return [name for entry, name in named if not (_is_folder(entry) or wanted(name))]
     except DAMAGED:
-        raise damaged(source) from None
+        raise damaged(path, source) from None
     except OSError as error:
         raise FmuError(f"{source}: cannot be read: {error.strerror or error}") from None
     except (RuntimeError, NotImplementedError) as error:

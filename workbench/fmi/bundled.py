@@ -73,5 +73,6 @@ def what_is_meant(missing: Path) -> str:
     name, folder = str(missing), missing.parent
     meant = [f"{_FMU}{n}" for n in bundled_names() if n == name]
     meant += [f"{_SYSTEM}{n}" for n in bundled_systems() if n == name]
-    meant = meant or [str(folder / n) for n in close_files(missing, _MODELS)]
+    suffix = missing.suffix.lower()
+    meant = meant or [str(folder / n) for n in close_files(missing, [suffix] if suffix in _MODELS else _MODELS)]
     return f"did you mean {', '.join(meant)}? Else " if meant else ""

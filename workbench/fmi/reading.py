@@ -70,7 +70,7 @@ def described_at(path: Path, called: str = "") -> ModelDescription:
     except KeyError:
         raise FmuError(f"{source}: no {DESCRIPTION} inside; this is not an FMU") from None
     except DAMAGED:
-        raise damaged(source) from None
+        raise damaged(path, source) from None
     except (OSError, RuntimeError, NotImplementedError) as error:
         raise FmuError(f"{source}: cannot be read: {error}") from None
     return _described(data, source, {})

@@ -65,6 +65,8 @@ class HealthLine(RecordPart):
     @property
     def outcome(self) -> str:
         """How a CI counts it: what is broken is a failure, not applicable skipped, a check cut off is an error."""
+        if self.interface == "file" and not self.finished:  # it cannot be read
+            return ERROR
         if self.verdict == "broken":
             return FAILURE
         if self.verdict == "not applicable":  # where an unloaded binary or a crash is why, another line tells

@@ -58,17 +58,42 @@ def run(path: str | Path | Sequence[str | Path], request: Check, job: Job) -> He
     paths = [str(path)] if isinstance(path, str | Path) else [str(one) for one in path]
     if not paths:
         raise InputError("check takes at least one model")
-    # An .ssp stays unpacked as long as its description lives.
-    systems = {one: read_system(one) for one in paths if is_system_file(one)}
-    parts = [part for one in paths for part in _parts(one, systems.get(one), given)]
+    unread: dict[str, InputError | FmuError] = {}
+    systems: dict[str, SystemDescription] = {}  # an .ssp stays unpacked as long as its description lives
+    parts = [part for one in paths for part in _readable(one, given, systems, unread)]
     if len(paths) > 1:
         parts = [replace(part, component=f"{part.path} {part.component}".rstrip()) for part in parts]
     cards: list[HealthCard] = []
     for number, part in enumerate(parts, 1):
         job.stage(number, len(parts))
         joined = partial(_joined, paths, tuple(cards))
-        cards.append(_card(part, names, request.place, job, joined))
-    return _joined(paths, tuple(cards[:-1]), cards[-1])
+        try:
+            if part.path in unread:
+                raise unread[part.path]
+            cards.append(_card(part, names, request.place, job, joined))
+        except (InputError, FmuError) as error:
+            if len(paths) == 1:
+                raise
+            unread[part.path] = error
+            cards.append(_unread(part, error))
+    card = _joined(paths, tuple(cards[:-1]), cards[-1])
+    if unread:
+        job.partial = lambda: card  # the others have their verdicts
+        raise InputError("; ".join(map(str, unread.values())))
+    return card
+
+
+def _readable(
+    path: str, given: Loading, systems: dict[str, SystemDescription], unread: dict[str, InputError | FmuError]
+) -> list[_CheckedInterface]:
+    """Return the parts of a model; of a system that cannot be read the one that stands in `unread`."""
+    try:
+        if is_system_file(path):
+            systems[path] = read_system(path)
+        return _parts(path, systems.get(path), given)
+    except (InputError, FmuError) as error:
+        unread[path] = error
+        return _parts(path, None, given)
 
 
 def _parts(path: str, system: SystemDescription | None, given: Loading) -> list[_CheckedInterface]:
@@ -140,6 +165,20 @@ def _card(
             job.partial = lambda: joined(card())
             job.done(f"{part.component} {line.interface} {line.name}".strip(), len(lines), total)
         return card()
+
+
+def _unread(part: _CheckedInterface, error: WorkbenchError) -> HealthCard:
+    """Return the card of one of several models that cannot be read."""
+    line = Answer("broken", str(error), "nothing of it was checked", finished=False)
+    return HealthCard(
+        model=Path(part.path).name,
+        source=part.path,
+        sha256="",
+        fmi_version="",
+        generation_tool="",
+        interfaces=(),
+        checks=(replace(_line(FILE, CheckReply(VALIDATION, line, 0.0)), component=part.component),),
+    )
 
 
 def _pairs(wanted: Mapping[str, tuple[str, ...]]) -> list[tuple[str, str]]:
@@ -244,9 +283,9 @@ def _joined(paths: Sequence[str], before: tuple[HealthCard, ...], last: HealthCa
     return HealthCard(
         model=AND.join(Path(path).name for path in paths),
         source=AND.join(paths),
-        sha256=AND.join(dict.fromkeys(c.sha256 for c in cards)),
-        fmi_version=AND.join(dict.fromkeys(c.fmi_version for c in cards)),
-        generation_tool=AND.join(dict.fromkeys(c.generation_tool for c in cards)),
+        sha256=AND.join(dict.fromkeys(c.sha256 for c in cards if c.sha256)),
+        fmi_version=AND.join(dict.fromkeys(c.fmi_version for c in cards if c.fmi_version)),
+        generation_tool=AND.join(dict.fromkeys(c.generation_tool for c in cards if c.generation_tool)),
         interfaces=tuple(dict.fromkeys(i for c in cards for i in c.interfaces)),
         checks=tuple(line for c in cards for line in c.checks),
         notes=tuple(dict.fromkeys(n for c in cards for n in c.notes)),
