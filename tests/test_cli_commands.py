@@ -158,7 +158,7 @@ def test_messages_name_options_as_they_are_typed(tmp_path: Path, capsys: pytest.
     assert capsys.readouterr().err == "workbench: --max-order: 0 is too small; take at least 1\n"
     assert run(["identify", str(data), "--input", "max_order", "--output", "y"]) == 2
     assert "there is no column 'max_order'" in capsys.readouterr().err
-    with pytest.raises(InputError, match=r"^max order: 0 is too small"):
+    with pytest.raises(InputError, match=r"^max_order: 0 is too small"):
         identify_data(data, inputs=["u"], outputs=["y"], max_order=0)
 
 

@@ -249,12 +249,12 @@ SWEEP = ["nfr", "fmu:Rudder", "--input", "delC", "--output", "del", "--freq", "1
 
 
 def refused(address: str, capsys: pytest.CaptureFixture[str]) -> str:
-    """Return what is said of an address, in Python and, in the same words, on the command line."""
+    """Return what is said of an address, in Python and, with its options as flags, on the command line."""
     with pytest.raises(wb.InputError) as caught, Cluster(address):
         pass
     assert run([*SWEEP, "--scheduler", address]) == 2
     lines = [line for line in capsys.readouterr().err.splitlines() if not line.startswith("note: ")]
-    assert lines == [f"workbench: {caught.value}"]
+    assert lines == [f"workbench: {caught.value}".replace("`tls`", "--scheduler-tls")]
     return str(caught.value)
 
 

@@ -297,7 +297,7 @@ def test_results_are_written(tmp_path: Path) -> None:
         ({"orders": (9, 1)}, "between 1 and 4"),
         ({"hankel": 2.0}, "between 0 and 1"),
         ({"cancel": -1.0}, "between 0 and 1"),
-        ({"low_pass": -5.0, "low_pass_order": 1}, "low pass: -5 is not a positive number"),
+        ({"low_pass": -5.0, "low_pass_order": 1}, "low_pass: -5 is not a positive number"),
         ({"sign": "chang"}, "did you mean change"),
         ({"method": "matchdc"}, "did you mean match-dc"),
         ({"band": (5.0, 1.0)}, "lower frequency first"),

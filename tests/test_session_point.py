@@ -218,7 +218,7 @@ def test_a_start_value_that_does_not_take_is_refused_by_name(interface: str, fmi
     with (
         overridden(interface, fmi, starts={"s": 0.9}) as model,
         pytest.raises(
-            InputError, match=r"Overridden: the FMU does not accept a start value: s is 0\.5, not 0\.9; .*--at"
+            InputError, match=r"Overridden: the FMU does not accept a start value: s is 0\.5, not 0\.9; .*`at`"
         ),
     ):
         simulate(model, stop=0.1)

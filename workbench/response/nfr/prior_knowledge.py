@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -262,16 +261,15 @@ def surroundings(model: Model, input: str, output: str) -> Surroundings:
     """
     if model.interface != "me":
         return _of_rates(model)
-    middle = _middle(model, input)
     try:
-        with model.open_point(values=middle) as point:
+        with model.open_point() as point:
             ticks = len(point.ticks(_LOOK, np.inf)) > 0
             many = len(point.states) > _MOST_STATES
             result = None if ticks or many or point.why_not_exact() else _exact(point, input, output)
             dx0, smallest = point.at(point.x0, point.u0).dx, point.smallest
         if ticks or many:
             return _of_rates(model) if ticks else Surroundings()
-        part = _difference(model, input, output, middle) if result is None else result
+        part = _difference(model, input, output) if result is None else result
     except PeriodsError:
         raise
     except WorkbenchError:
@@ -286,13 +284,6 @@ def surroundings(model: Model, input: str, output: str) -> Surroundings:
 def _of_rates(model: Model) -> Surroundings:
     result = sampled(model)
     return Surroundings(rates=result.periods, notes=result.notes)
-
-
-def _middle(model: Model, input: str) -> dict[str, float]:
-    """Return the value about which the sine moves, where that is not the operating point's: 0, and the bias."""
-    if model.at is not None and input in model.at.u:
-        return {}
-    return {input: model.bias.get(input, 0.0)}
 
 
 def _exact(point: ModelPoint, input: str, output: str) -> LinearPart | None:
@@ -314,6 +305,6 @@ def _exact(point: ModelPoint, input: str, output: str) -> LinearPart | None:
     return LinearPart(whole[:n, :n], whole[:n, column], row[:n], row[column])
 
 
-def _difference(model: Model, input: str, output: str, middle: Mapping[str, float]) -> LinearPart:
+def _difference(model: Model, input: str, output: str) -> LinearPart:
     """Return the linear model by differences."""
-    return plain(make_task(model, Lin(u0=middle, inputs=[input], outputs=[output])), "difference").part()
+    return plain(make_task(model, Lin(inputs=[input], outputs=[output])), "difference").part()
