@@ -127,7 +127,7 @@ def test_on_axes_of_the_caller_frequencies_are_logarithmic_and_curves_have_names
 def test_other_axes_than_the_panels_are_refused() -> None:
     result = example(wb.NfrResult)
     axes = Figure().subplots(3, 1)
-    with pytest.raises(InputError, match="the picture has 2 panels, 3 axes were given"):
+    with pytest.raises(InputError, match="2 are needed, one for each panel; given: 3"):
         result.plot(axes=axes)
     with pytest.raises(InputError, match="axes of matplotlib"):
         result.plot(axes=3)

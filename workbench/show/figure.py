@@ -109,7 +109,7 @@ def _taken(count: int) -> list[Axes]:
     """Return the caller's axes, where there are some; none: the picture makes its own."""
     given = _given.get() or []
     if given and len(given) != count:
-        raise InputError(f"axes: the picture has {count} panel{'s' if count > 1 else ''}, {len(given)} axes were given")
+        raise InputError(f"axes: {count} are needed, one for each panel; given: {len(given)}")
     return given
 
 

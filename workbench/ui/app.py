@@ -214,9 +214,10 @@ class _Server:
         if path.exists():
             kind = kind_of(path)
             if kind not in {"system", "study"}:
-                return JSONResponse({"message": f"{name} is there and is no system or study; choose another name"}, 422)
+                message = f"{name} exists and is neither a system nor a study; choose another name"
+                return JSONResponse({"message": message}, 422)
             if not sent.get("replace"):
-                return JSONResponse({"message": f"{name} is there: a {kind}", "kind": kind}, 409)
+                return JSONResponse({"message": f"{name} exists already: a {kind}", "kind": kind}, 409)
         with replacing(path) as new:
             new.write_text(text, encoding="utf-8")
         return JSONResponse({"name": self.desk.root.name_of(path)})

@@ -113,7 +113,7 @@ class _StepSearch:
         self._failed: set[float] = set()
         swing = swing_of(subject)
         self._excitations = [_Excitation(subject, subject.constants(), subject.span, "after a jump of the inputs")]
-        if swing is not None:
+        if not isinstance(swing, str):
             span = swing.steps * subject.step
             self._excitations.append(_Excitation(swing.subject, swing.signals, span, f"with {swing.words}"))
         self._until, self._end, self._errors = math.inf, math.inf, dict[tuple[float, int], tuple[float, float]]()

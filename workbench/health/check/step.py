@@ -81,23 +81,23 @@ def step(subject: CheckedFmu) -> Answer:
     near = _converge(subject, subject.constants(), min(_COARSE, subject.steps))
     far, reached = _excursion(subject)
     swing = swing_of(subject)
-    if swing is None and not near.moves:
+    if isinstance(swing, str) and not near.moves:
         return Answer("not applicable", _still(subject))
-    swung = None if swing is None else _converge(swing.subject, swing.signals, swing.steps)
+    swung = None if isinstance(swing, str) else _converge(swing.subject, swing.signals, swing.steps)
     numbers = {
         "step": subject.step, "own_step": subject.own_step is not None, "steps": near.steps,
         "changes": _plain(near.changes), "orders": _plain(near.orders), "order": _number(near.order),
         "error": _number(near.error), "excursion": _number(far), "excursion_step": reached,
-        "diverges": far >= _DIVERGES, "swing_frequency": None if swing is None else swing.frequency,
+        "diverges": far >= _DIVERGES, "swing_frequency": None if isinstance(swing, str) else swing.frequency,
         "swing_error": None if swung is None else _number(swung.error),
     }  # fmt: skip
     verdict, evidence, consequence = _verdict(subject, near, far, reached)
     if verdict == "broken":
         return Answer(verdict, evidence, consequence, numbers)
     at = f"at {_whose(subject)} {subject.step:.4g} s"
-    if swing is None or swung is None:
-        unseen = "; with moving inputs unknown: no output follows them with a delay" if subject.inputs else ""
-        return Answer(verdict, f"{evidence} {at}{unseen}", consequence, numbers)
+    if isinstance(swing, str) or swung is None:
+        unknown = f"; with moving inputs unknown: {swing}" if subject.inputs else ""
+        return Answer(verdict, f"{evidence} {at}{unknown}", consequence, numbers)
     evidence = f"{_share(swung)} {at} with {swing.words}; after a jump of the inputs {evidence}"
     if swung.error <= _FINE or subject.own_step is None:
         return Answer(verdict, evidence, consequence, numbers)

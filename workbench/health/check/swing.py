@@ -44,18 +44,20 @@ class Swing:
         return f"inputs swinging by 5 % of their size at {self.frequency:.3g} Hz, as fast as {self.name} follows"
 
 
-def swing_of(subject: CheckedFmu) -> Swing | None:
-    """Return the inputs at the pace of the model; None: no output follows them with a delay that is seen.
+def swing_of(subject: CheckedFmu) -> Swing | str:
+    """Return the inputs at the pace of the model, or why there are none.
 
     The response is the difference of two runs, inputs after a jump and at rest. What it has covered in 1/256 of the
     natural step is taken for immediate: such an output is right at each communication point, whatever the step.
     """
+    if not subject.inputs:
+        return "it has no continuous inputs"
     try:
-        found = _quickest(subject) if subject.inputs else None
-    except SimulationError:
-        return None
+        found = _quickest(subject)
+    except SimulationError as error:
+        return f"the pace of the model cannot be measured: {error}"
     if found is None:
-        return None
+        return "no output follows them with a delay"
     time, name = found
     frequency = 0.5 / (math.pi * time)
     signals: dict[str, Signal] = {

@@ -158,22 +158,25 @@ class PointsJob(WorkItem):
         return exact, [replace(t, rtol=exact.rtol) for t in tasks]
 
     def _sharp(self, model: Model) -> Iterator[NfrPoint]:
-        """Measure model exchange; again with a tighter tolerance where the error is larger than what was asked for.
+        opened, tasks = self._exact_enough(model)
+        # A carried run ends where it fails, and has fewer points than tasks.
+        return map(partial(self._sharper, model), self._pass(opened, tasks), tasks)
+
+    def _sharper(self, model: Model, point: NfrPoint, task: PointTask) -> NfrPoint:
+        """Measure again with a tighter tolerance where the error is larger than what was asked for.
 
         So it is where the output moves little beside its mean, which the linear model does not show.
         """
-        opened, tasks = self._exact_enough(model)
-        for point, task in zip(self._pass(opened, tasks), tasks, strict=False):  # a carried run ends where it fails
-            allowed = task.errcrit / 10.0
-            result = point
-            if point.status == "settled" and point.error is not None and point.error > allowed and task.rtol:
-                if model.recipe is not None and not self.carry:
-                    factor = _in_tens(point.error / (_SHARE * allowed)) * task.rtol / model.rtol
-                    exact = model.recipe.tighter(factor).open()
-                    (result,) = self._pass(exact, [replace(task, rtol=exact.rtol)])
-                    result = point if result.status != "settled" else result
-                result = wider(result, 0.0, _COARSE)
-            yield result
+        allowed = task.errcrit / 10.0
+        if point.status != "settled" or point.error is None or point.error <= allowed or not task.rtol:
+            return point
+        result = point
+        if model.recipe is not None and not self.carry:
+            factor = _in_tens(point.error / (_SHARE * allowed)) * task.rtol / model.rtol
+            exact = model.recipe.tighter(factor).open()
+            (again,) = self._pass(exact, [replace(task, rtol=exact.rtol)])
+            result = again if again.status == "settled" else point
+        return wider(result, 0.0, _COARSE)
 
     def _verified(self, model: Model) -> Iterator[NfrPoint]:
         opened, tasks = self._exact_enough(model)
