@@ -11,7 +11,7 @@ from tests.drivers import each_driver  # noqa: F401  every test runs with each d
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.model.load import load
-from workbench.signals.kinds import Signal, Sine, Step
+from workbench.signals.kinds import Constant, Signal, Sine, Step
 
 BOTH = pytest.mark.parametrize("version", ["", "@3"])
 
@@ -155,3 +155,22 @@ def test_cosimulation_goes_on_after_a_jump_of_the_input(version: str) -> None:
     assert record.values["y"][-1] == pytest.approx(-math.expm1(-0.65 / tau), abs=1e-5)
     at = record.time == 0.35
     assert record.inputs["u"][at].tolist() == [0.0, 1.0]
+
+
+@BOTH
+def test_the_rudder_stays_at_rest_as_long_as_one_likes(version: str) -> None:
+    # There every Newton correction of the implicit integrator is rounding.
+    rng = np.random.default_rng(7)
+    loads = [{"delC": 0.05, "pS": 2.163e7, "mH": 50.0, "bypass": 0.1}]
+    loads += [
+        dict(zip(loads[0], rng.uniform([-0.3, 1.5e7, -200.0, 0.0], [0.3, 2.5e7, 200.0, 0.2]).tolist(), strict=True))
+        for _ in range(4)
+    ]
+    with load(f"fmu:Rudder{version}", "cs", step=1e-3) as model:
+        for held in loads:
+            signals: dict[str, Signal] = {name: Constant(value) for name, value in held.items()}
+            with model.open_session(signals=signals) as session:
+                record = session.advance(4.0, signals=signals, record=["del"], points=np.array([3.0, 4.0]))
+            at = np.searchsorted(record.time, np.array([3.0, 4.0]) - 1e-9)
+            early, late = record.values["del"][at]
+            assert late == pytest.approx(early, abs=1e-9)

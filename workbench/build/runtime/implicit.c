@@ -247,9 +247,14 @@ static bool will_diverge(double rate, double size, double goal, int left)
     return rate >= 1.0 || pow(rate, (double)left) / (1.0 - rate) * size > goal;
 }
 
+/* A correction far below its goal ends the iterations, the first one too: at rest all are rounding, and their rate is
+ * near 1, which would pass for divergence.
+ */
 static bool newton(Solver *s, Data *d, double h)
 {
-    double goal = fmax(10.0 * DBL_EPSILON / s->tolerance, fmin(0.01, sqrt(s->tolerance)));
+    double rounding = 10.0 * DBL_EPSILON / s->tolerance;
+    double goal = fmax(rounding, fmin(0.01, sqrt(s->tolerance)));
+    double negligible = fmax(rounding, 1e-3 * goal);
     double previous = 0.0;
     transform(d->w, d->z, to_w, s->n);
     for (int i = 0; i < MOST_ITERATIONS; i++) {
@@ -258,10 +263,11 @@ static bool newton(Solver *s, Data *d, double h)
         }
         double size = correct(s, d, h);
         double rate = i > 0 && previous > 0.0 ? size / previous : 0.0;
-        if (!isfinite(size) || (i > 0 && will_diverge(rate, size, goal, MOST_ITERATIONS - i))) {
+        bool small = size <= negligible;
+        if (!isfinite(size) || (!small && i > 0 && will_diverge(rate, size, goal, MOST_ITERATIONS - i))) {
             return false;
         }
-        if (size == 0.0 || (i > 0 && rate / (1.0 - rate) * size < goal)) {
+        if (small || (i > 0 && rate / (1.0 - rate) * size < goal)) {
             d->slow = i > 2 && rate > 1e-3;
             return true;
         }
