@@ -111,7 +111,7 @@ def test_what_is_not_met_fails_the_job_and_stands_at_its_line(repository: Path) 
     assert done.returncode == 1
     number = study.read_text(encoding="utf-8").splitlines().index('name = "settling"') + 1
     errors = [line for line in done.stderr.splitlines() if line.startswith("::error")]
-    assert re.match(r"::error::broken\.fmu: ", errors[0])
+    assert re.match(r"::error file=broken\.fmu::broken\.fmu: ", errors[0])
     assert re.match(
         rf"::error file=actuator_study\.toml,line={number}::step settling: 0\.\d+ s, limit ≤ 0\.01 s", errors[1]
     )
@@ -209,6 +209,8 @@ def test_several_fmus_have_one_card_with_a_case_for_each_check(tmp_path: Path, m
     ]
     assert [case.file for case in card.cases()] == [name for name in files for _ in range(2)]
     card.to_junit("junit.xml")
+    suites = [s.attrib["name"] for s in ET.parse("junit.xml").getroot()]  # noqa: S314 - we wrote it
+    assert suites == files
     assert list(cases_in(Path("junit.xml")).values()) == [
         c.outcome.replace("passed", "system-out") for c in card.cases()
     ]
@@ -251,10 +253,46 @@ def test_models_that_cannot_be_read_cost_the_others_no_verdict(
     words = ["check", "pointer.fmu", "fmu:FirstOrderLag", "basse.fmu", "--only", "runs", "--interface", "me"]
     assert run([*words, "--junit", "junit.xml", "--report", "page.html", "--json", "card.json"]) == 2
     assert list(cases_in(Path("junit.xml")).values()) == ["error", "system-out", "error"]
-    told = capsys.readouterr().err.splitlines()[-2]
+    *_, told, first, second = capsys.readouterr().err.splitlines()
+    assert first.startswith("::error file=pointer.fmu::pointer.fmu: ")
+    assert second.startswith("::error::basse.fmu: ")
     assert re.match("workbench: pointer.fmu: .*'git lfs pull'; basse.fmu: no such file; give an .fmu", told)
     for file in ("junit.xml", "page.html", "summary.md", "card.json"):
         assert "git lfs pull" in (github / file).read_text(encoding="utf-8")
+
+
+LIN = "[analyses.a]\ncommand = 'lin'\nmodel = 'fmu:FirstOrderLag'\n"
+WRONG = {
+    "mistakes": (f"{LIN}dz = 1\n[analyses.b]\ncommand = 'lim'\n", [4, 6]),
+    "syntax": (f"{LIN}interface = \"me\n", [4]),
+    "a name that the model lacks": (f"{LIN}inputs = ['w']\n", [1]),
+    "a limit that is missing": (ENVELOPE.replace("max = -0.6\n", ""), [9]),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_study_that_cannot_be_run_is_an_error_at_each_of_its_lines(
+    case: str, github: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text, lines = WRONG[case]
+    github.joinpath("wrong.toml").write_text(text, encoding="utf-8")
+    github.joinpath("junit.xml").write_text("verdicts of another run", encoding="utf-8")
+    assert run(["run", "wrong.toml", "--junit", "junit.xml", "--json", "result.json"]) == 2
+    told = capsys.readouterr().err.splitlines()
+    assert [line.partition("::[")[0].partition("::is")[0] for line in told if line.startswith("::")] == [
+        f"::error file=wrong.toml,line={line}" for line in lines
+    ]
+    assert list(cases_in(github / "junit.xml").values()) == ["error"] * len(lines)
+    assert json.loads((github / "result.json").read_text(encoding="utf-8"))["failure"]["kind"] == "bad input"
+    summary = (github / "summary.md").read_text(encoding="utf-8")
+    assert re.findall(r"❌ broken: line (\d+)", summary) == [str(line) for line in lines]
+
+
+def test_an_fmu_that_cannot_be_read_is_an_error_of_its_own(github: Path) -> None:
+    github.joinpath("broken.fmu").write_text("not an FMU", encoding="utf-8")
+    assert run(["check", "broken.fmu", "--junit", "junit.xml"]) == 2
+    assert cases_in(github / "junit.xml") == {"broken.check mistake 1": "error"}
+    assert "## broken.fmu" in (github / "summary.md").read_text(encoding="utf-8")
 
 
 def test_an_envelope_has_a_case_for_each_point(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

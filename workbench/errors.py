@@ -9,6 +9,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import ClassVar
 
 __all__ = [
@@ -20,6 +21,7 @@ __all__ = [
     "FmuError",
     "InputError",
     "LostError",
+    "Mistake",
     "OutOfMemoryError",
     "SimulationError",
     "StoppedError",
@@ -50,10 +52,34 @@ class WorkbenchError(Exception):
         super().__init__(one_line(message))
 
 
+@dataclass(frozen=True)
+class Mistake:
+    """One of the mistakes in a file.
+
+    Attributes:
+        message: what is wrong, in one line.
+        file: as it was named.
+        line: number of the line, from 1; None: it is not known.
+    """
+
+    message: str
+    file: str
+    line: int | None = None
+
+
 class InputError(WorkbenchError):
-    """What the user asked for cannot be done: unknown name, value out of range, bad syntax; `message` says which."""
+    """What the user asked for cannot be done: unknown name, value out of range, bad syntax; `message` says which.
+
+    Attributes:
+        message: one line.
+        mistakes: each, where it is in a file.
+    """
 
     kind = "bad input"
+
+    def __init__(self, message: str, mistakes: Iterable[Mistake] = ()) -> None:
+        super().__init__(message)
+        self.mistakes = tuple(mistakes)
 
 
 class FmuError(WorkbenchError):

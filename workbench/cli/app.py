@@ -62,7 +62,7 @@ def run(
     except click.ClickException as error:
         return _complain(said(error))
     except WorkbenchError as error:
-        return _complain(asked.complaint(str(error)))
+        return _complain(asked.complaint(str(error)), error)
     except MemoryError:
         return _complain("out of memory: more was asked for, or a file is larger, than this process may hold")
     except (KeyboardInterrupt, click.Abort):
@@ -116,7 +116,13 @@ def _study_of_its_own(name: str | None, words: Sequence[str]) -> type[Request[An
     return next((request for request in studies if any(request.takes([word]) for word in words)), None)
 
 
-def _complain(message: str) -> int:
+def _complain(message: str, error: WorkbenchError | None = None) -> int:
     sys.stderr.write(f"workbench: {one_line(message)}\n")
-    tell_error(message)
+    if error is None:
+        tell_error(message)
+    else:
+        from workbench.show.cases import mistakes_of
+
+        for mistake in mistakes_of(error):
+            tell_error(asked.complaint(mistake.message), mistake.file, line=mistake.line)
     return BAD_INPUT

@@ -60,7 +60,8 @@ def command(requests: Sequence[type[Request[Any, Any]]], before: Before | None =
         from workbench.cli.notes import note
         from workbench.cli.output import Output
 
-        out = Output(first.command, **{name: given.get(name) for name in _OUTPUT})
+        files = {name: given.get(name) for name in (*_OUTPUT, "junit")}
+        out = Output(first.command, **files, judged="junit" in given)
         with out.failing():
             request, subject = meant(requests, given)
             kind = written_of(request)
@@ -215,7 +216,7 @@ def _show(
     for path in written.write(record):
         out.wrote(path)
     if isinstance(record, Judged):
-        tell_github(record, lambda: page)
+        tell_github(record, lambda: page, stopped)
 
 
 # -- options -----------------------------------------------------------------------------------

@@ -45,6 +45,8 @@ class Output:
         mat: of the MATLAB file, or None.
         plot: of the picture, or None.
         report: of the page, or None.
+        junit: of the verdicts, or None.
+        judged: whether the command has verdicts.
 
     Raises:
         InputError: a folder that does not exist, an unknown suffix, both on standard output.
@@ -59,13 +61,16 @@ class Output:
         mat: str | None = None,
         plot: str | None = None,
         report: str | None = None,
+        junit: str | Path | None = None,
+        judged: bool = False,
     ) -> None:
         self.command = command
         self.json_path, self.csv_path, self.mat_path = json, csv, mat
         self.plot, self.report = (None if path is None else Path(path) for path in (plot, report))
         self._quiet = "-" in {json, csv}
         self._begin = time.monotonic()
-        self._has_json = False
+        self._has_result = False
+        self._junit, self._judged = junit, judged
         self._unwritten: dict[str, InputError] = {}
         if json == csv == "-":
             raise InputError("--json and --csv cannot both go to standard output; give one of them a file")
@@ -82,7 +87,7 @@ class Output:
 
     @contextmanager
     def failing(self) -> Iterator[None]:
-        """Write what goes wrong in here as JSON, where that is asked for and there is no result."""
+        """Write what goes wrong in here, see `tell_failure`."""
         try:
             yield
         except (WorkbenchError, KeyboardInterrupt) as error:
@@ -90,15 +95,26 @@ class Output:
             raise
 
     def tell_failure(self, error: BaseException) -> None:
-        """Write what went wrong as JSON, where that is asked for and there is no result.
+        """Write what went wrong, where there is no result: as JSON, and of a command with verdicts as one of them.
 
-        A file that is there may hold a good result: no slip in a command's options shall cost it.
+        JSON that is there may be a good result: no slip in a command's options shall cost it. Verdicts that are there
+        are not those of this command.
 
         Args:
             error: that ended the command.
         """
-        if self.json_path is not None and not self._has_json and not Path(self.json_path).exists():
+        if self._has_result:
+            return
+        if self.json_path is not None and not Path(self.json_path).exists():
             self._write_json(self._full(failure_in_json(error)))
+        if self._judged and isinstance(error, WorkbenchError):
+            from workbench.cli.github import summarise
+            from workbench.show.cases import Ended
+
+            ended = Ended(self.command, error)
+            if self._junit is not None:
+                ended.to_junit(self._junit)
+            summarise(ended.page)
 
     def say(self, text: Callable[[int | None], str]) -> None:
         """Print a text, unless standard output belongs to JSON or CSV.
@@ -148,6 +164,7 @@ class Output:
         """
         from workbench.cli.interrupt import OnInterrupt, interrupted
 
+        self._has_result = True
         with OnInterrupt(lambda: None) as wish:
             point = getattr(report, "operating_point", None)
             if point is not None and was_given("--at"):
@@ -215,7 +232,6 @@ class Output:
         write_report(result, str(self.report), known)
 
     def _write_json(self, full: Mapping[str, Any]) -> None:
-        self._has_json = True
         text = json.dumps(full, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
         text = re.sub(UNSEEN, lambda match: f"\\u{ord(match[0]):04x}", text)  # the same data
         if self.json_path == "-":

@@ -105,14 +105,15 @@ def run(
         )
     if no_store and (store is not None or fresh):
         raise InputError("--no-store and --store or --fresh: only one of them")
-    out = Output("run", json=json, csv=csv, report=report)
     _check_junit(junit)
+    out = Output("run", json=json, csv=csv, report=report, junit=junit, judged=True)
     folder = None if no_store else store or default_store(study)
-    if update_baselines and is_bundled_study(study):
-        raise InputError(f"--update-baselines: {study} is a bundled one; --example prints it, to keep as a file")
-    prepared = StudyRun(study, store=folder, fresh=fresh)
-    place = Workers(jobs=jobs, timeout=timeout, confine=confine, scheduler=scheduler, tls=scheduler_tls)
-    result = _run(prepared, place, kept=folder is not None, update=update_baselines)
+    with out.failing():
+        if update_baselines and is_bundled_study(study):
+            raise InputError(f"--update-baselines: {study} is a bundled one; --example prints it, to keep as a file")
+        prepared = StudyRun(study, store=folder, fresh=fresh)
+        place = Workers(jobs=jobs, timeout=timeout, confine=confine, scheduler=scheduler, tls=scheduler_tls)
+        result = _run(prepared, place, kept=folder is not None, update=update_baselines)
     _show(result, out)
     page = lambda: in_flags(page_of(result))  # noqa: E731
     out.write(result.to_dict, csv=result.to_csv, report=result, page=page)

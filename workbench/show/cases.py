@@ -13,10 +13,23 @@ from xml.etree import ElementTree as ET
 from workbench.core.machine.files import replacing
 from workbench.core.records.forms import File
 from workbench.core.records.option import option
-from workbench.errors import InputError
+from workbench.errors import InputError, Mistake, WorkbenchError
 from workbench.show.files_written import Written
+from workbench.show.page import Page
+from workbench.show.verdicts import Verdict
 
-__all__ = ["ERROR", "FAILURE", "PASSED", "SKIPPED", "Case", "Judged", "JudgedFiles", "check_junit"]
+__all__ = [
+    "ERROR",
+    "FAILURE",
+    "PASSED",
+    "SKIPPED",
+    "Case",
+    "Ended",
+    "Judged",
+    "JudgedFiles",
+    "check_junit",
+    "mistakes_of",
+]
 
 PASSED, FAILURE, ERROR, SKIPPED = "passed", "failure", "error", "skipped"
 
@@ -36,7 +49,9 @@ class Case:
         kind: of the requirement or the check.
         seconds: that it took [s].
         file: that it is about, as it was named.
-        mark: text by whose first place in this file the line is found; empty: the file as a whole.
+        mark: text by whose first place in this file the line is found; empty: by `line`.
+        line: its number; None: the file as a whole.
+        suite: what the verdict is about where a result is about several things; empty: the result's.
     """
 
     group: str
@@ -47,6 +62,8 @@ class Case:
     seconds: float = 0.0
     file: str = ""
     mark: str = ""
+    line: int | None = None
+    suite: str = ""
 
     @property
     def bad(self) -> bool:
@@ -78,8 +95,68 @@ class Judged(ABC):
         _write_junit(self.suite, self.cases(), path)
 
 
+class Ended(Judged):
+    """What ended a command before it had verdicts, as a CI shows it: each mistake is an error.
+
+    Args:
+        command: its name.
+        error: that ended it.
+    """
+
+    def __init__(self, command: str, error: WorkbenchError) -> None:
+        self._command, self._kind, self._mistakes = command, error.kind, mistakes_of(error)
+
+    @property
+    def suite(self) -> str:
+        return Path(self._mistakes[0].file).stem or self._command
+
+    def cases(self) -> list[Case]:
+        return [
+            Case(
+                group=self._command,
+                name=f"mistake {number}",
+                outcome=ERROR,
+                message=said,
+                kind=self._kind,
+                file=mistake.file,
+                line=mistake.line,
+            )
+            for number, (mistake, said) in enumerate(zip(self._mistakes, self._said, strict=True), start=1)
+        ]
+
+    def page(self) -> Page:
+        """Return what a summary says."""
+        summary = [Verdict("broken", said) for said in self._said]
+        return Page(self._mistakes[0].file or self.suite, "There is no result.", {}, [], summary=summary)
+
+    @property
+    def _said(self) -> list[str]:
+        return [m.message if m.line is None else f"line {m.line}: {m.message}" for m in self._mistakes]
+
+
+def mistakes_of(error: WorkbenchError) -> Sequence[Mistake]:
+    """Return what is wrong, one by one; the file of an error that says no more is the one that it begins with.
+
+    Args:
+        error: that ended a command.
+    """
+    if isinstance(error, InputError) and error.mistakes:
+        return error.mistakes
+    begins = str(error).partition(": ")[0]
+    return [Mistake(str(error), begins if Path(begins).exists() else "")]
+
+
 def _write_junit(suite: str, cases: Sequence[Case], path: str | Path) -> None:
-    inner = ET.Element("testsuite", {"name": _clean(suite), **_counts(cases)})
+    root = ET.Element("testsuites", {"name": "workbench", **_counts(cases)})
+    for name in dict.fromkeys([*(c.suite or suite for c in cases)] or [suite]):
+        _add_suite(root, name, [c for c in cases if (c.suite or suite) == name])
+    ET.indent(root)
+    with replacing(path) as part:
+        ET.ElementTree(root).write(part, encoding="utf-8", xml_declaration=True)
+
+
+def _add_suite(root: ET.Element, suite: str, cases: Sequence[Case]) -> None:
+    inner = ET.SubElement(root, "testsuite", {"name": _clean(suite), **_counts(cases)})
     for case in cases:
         names = {"name": _clean(case.name), "classname": _clean(f"{suite}.{case.group}")}
         told, message = ET.SubElement(inner, "testcase", {**names, "time": f"{case.seconds:.3f}"}), _clean(case.message)
@@ -88,11 +165,6 @@ def _write_junit(suite: str, cases: Sequence[Case], path: str | Path) -> None:
         else:
             kind = {} if case.outcome == SKIPPED else {"type": case.kind}
             ET.SubElement(told, case.outcome, {"message": message, **kind}).text = message
-    root = ET.Element("testsuites", {"name": "workbench", **_counts(cases)})
-    root.append(inner)
-    ET.indent(root)
-    with replacing(path) as part:
-        ET.ElementTree(root).write(part, encoding="utf-8", xml_declaration=True)
 
 
 def _counts(cases: Sequence[Case]) -> dict[str, str]:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
-from workbench.errors import InputError, suggest
+from workbench.errors import InputError, Mistake, suggest
 from workbench.system.files.toml_schema import WrongTableError
 
-__all__ = ["Mistakes", "known", "place", "told"]
+__all__ = ["Mistakes", "in_file", "known", "place"]
 
 _PART = r"""(?:"[^"]*"|'[^']*'|[\w-]+)"""
 _PATH = rf"({_PART}(?:\s*\.\s*{_PART})*)"
@@ -80,16 +82,28 @@ class Mistakes:
             raise WrongTableError(self._found)
 
 
-def told(each: Sequence[str], text: str, data: Mapping[str, Any]) -> str:
-    """Return what is wrong in one line, each mistake with the number of its line.
+@contextmanager
+def in_file(path: Path) -> Iterator[None]:
+    """Say of what is wrong with a file in which line it stands.
 
     Args:
-        each: what is wrong, with the table in front.
-        text: of the file.
-        data: that it holds.
+        path: of the TOML file, which can be read.
+
+    Raises:
+        InputError: with the file in front, and each of its `mistakes`.
     """
-    lines = [_line_of(text, _path_of(said, data)) for said in each]
-    every = [f"line {line}: {said}" if line is not None else said for line, said in zip(lines, each, strict=True)]
+    try:
+        yield
+    except InputError as error:
+        each = error.each if isinstance(error, WrongTableError) else (str(error),)
+        text = path.read_text(encoding="utf-8-sig")
+        data = tomllib.loads(text)
+        mistakes = [Mistake(said, str(path), _line_of(text, _path_of(said, data))) for said in each]
+        raise InputError(f"{path}: {_told(mistakes)}", mistakes) from None
+
+
+def _told(mistakes: Sequence[Mistake]) -> str:
+    every = [m.message if m.line is None else f"line {m.line}: {m.message}" for m in mistakes]
     if len(every) == 1:
         return every[0]
     return f"{len(every)} mistakes: {'; '.join(f'({k}) {said}' for k, said in enumerate(every, start=1))}"

@@ -18,10 +18,10 @@ from workbench.core.records.record import read_toml_table
 from workbench.errors import InputError, suggest
 from workbench.study.commands import COMMANDS, Command, Reference, meant, references
 from workbench.study.description import Approval, Change, Study, StudyAnalysis
-from workbench.study.position_in_file import Mistakes, known, place, told
+from workbench.study.position_in_file import Mistakes, in_file, known, place
 from workbench.study.requirements import read_requirement
 from workbench.study.requirements.base import Requirement, Scalar
-from workbench.system.files.toml_schema import TomlTable, WrongTableError, read_table
+from workbench.system.files.toml_schema import TomlTable, read_table
 
 __all__ = ["bundled_studies", "has_envelope", "is_bundled_study", "locate_study", "read_study"]
 
@@ -180,13 +180,9 @@ def read_study(name: str | Path) -> Study:
             f"{path}: is a system, not a study: info, check, simulate, lin, nfr, loop and others take it, as does a "
             "study as one of its models"
         )
-    try:
+    with in_file(path):
         study = _study(path, data)
         _check_references(study)
-    except InputError as error:
-        each = error.each if isinstance(error, WrongTableError) else (str(error),)
-        text = path.read_text(encoding="utf-8-sig")
-        raise InputError(f"{path}: {told(each, text, data)}") from None
     return study
 
 

@@ -16,7 +16,7 @@ from workbench.study.description import GridPoint, Study
 from workbench.study.execute import Execution
 from workbench.study.finished_store import FOLDER, Finished
 from workbench.study.plan import Plan, PlannedRun, RunResult, make_plan
-from workbench.study.position_in_file import place
+from workbench.study.position_in_file import in_file, place
 from workbench.study.read import is_bundled_study, read_study
 from workbench.study.requirements.base import Compliance, NotMeasured, Requirement, Result
 from workbench.study.result import RequirementResult, StudyResult
@@ -53,7 +53,7 @@ class StudyRun:
         if self.study.envelope is not None:
             raise InputError(f"{name}: has an [envelope]: wb.envelope runs it, or `workbench run {name}`")
         self._store, self._fresh = store, fresh
-        with place(str(self.study.path)):
+        with in_file(self.study.path):
             self.plan: Plan = make_plan(self.study)
 
     @property
@@ -95,7 +95,7 @@ class StudyRun:
                 hold; what was measured is in the store.
         """
         job = job or Job()
-        with job.ended_by(), Finished(self._store, fresh=self._fresh) as finished, place(str(self.study.path)):
+        with job.ended_by(), Finished(self._store, fresh=self._fresh) as finished, in_file(self.study.path):
             execution = Execution(self.plan, finished=finished, folder=self.study.folder)
             reused = len(execution.outcomes)
             if execution.missing:

@@ -31,7 +31,7 @@ from workbench.core.machine.files import content_of
 from workbench.core.records.csv_file import write_csv
 from workbench.core.records.mat_file import matlab_names, write_mat
 from workbench.core.records.parsing import from_json, from_toml
-from workbench.errors import InputError, suggest
+from workbench.errors import InputError, Mistake, suggest
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -52,6 +52,7 @@ __all__ = [
 ]
 
 # What Python's reader says of a quote that is not closed, with the line where it knows it.
+_LINE = re.compile(r"line (\d+)")
 _OPEN_QUOTE = re.compile(r"""Illegal character '\\n' \(at (line \d+)|Unterminated string|Expected "'" \(at end""")
 _LONG, _WORDY, _FEW = 240, 80, 6  # characters of a part in a line, of one value; entries that are written out
 
@@ -361,11 +362,11 @@ def read_toml_table(path: Path, *, twice: str = "") -> dict[str, Any]:
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: is not UTF-8 text (byte {error.start})") from None
     except ValueError as error:
-        hint = f"; a key appears twice{twice}" if "overwrite" in str(error) else ""
-        if begun := _OPEN_QUOTE.search(str(error)):
-            line = f"{begun[1]}: " if begun[1] else ""
-            raise InputError(f"{path}: is not TOML: {line}a text in quotes has no end") from None
-        raise InputError(f"{path}: is not TOML: {error}{hint}") from None
+        said = f"is not TOML: {error}{f'; a key appears twice{twice}' if 'overwrite' in str(error) else ''}"
+        if begun := _OPEN_QUOTE.search(said):
+            said = f"is not TOML: {f'{begun[1]}: ' if begun[1] else ''}a text in quotes has no end"
+        line = _LINE.search(said)
+        raise InputError(f"{path}: {said}", [Mistake(said, str(path), int(line[1]) if line else None)]) from None
 
 
 # -- writing -----------------------------------------------------------------------------------

@@ -150,19 +150,23 @@ class HealthCard(Result, Judged):
         return self.model
 
     def cases(self) -> list[Case]:
+        return [self._case(line) for line in self.checks]
+
+    def _case(self, line: HealthLine) -> Case:
         sources = self.source.split(AND)
-        return [
-            Case(
-                group=" ".join(filter(None, (c.component, c.interface))),
-                name=c.name,
-                outcome=c.outcome,
-                message="; ".join(filter(None, (c.evidence, c.consequence))),
-                kind=c.verdict,
-                seconds=c.seconds,
-                file=next((s for s in sources if f"{c.component} ".startswith(f"{s} ")), self.source),
-            )
-            for c in self.checks
-        ]
+        file = next((s for s in sources if f"{line.component} ".startswith(f"{s} ")), self.source)
+        several = len(sources) > 1
+        component = line.component.removeprefix(file).lstrip() if several else line.component
+        return Case(
+            group=" ".join(filter(None, (component, line.interface))),
+            name=line.name,
+            outcome=line.outcome,
+            message="; ".join(filter(None, (line.evidence, line.consequence))),
+            kind=line.verdict,
+            seconds=line.seconds,
+            file=file,
+            suite=file if several else "",
+        )
 
     def derived(self) -> dict[str, Any]:
         """Return the verdict.

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from workbench.core.records.option import options_of
-from workbench.errors import FmuError, InputError, TimedOutError, WorkbenchError
+from workbench.errors import FmuError, InputError, Mistake, TimedOutError, WorkbenchError
 from workbench.fmi.description import ModelDescription
 from workbench.fmi.platforms import binary_path
 from workbench.health.check.job import UNLOADED, CheckJob, CheckReply, adapted
@@ -79,7 +79,7 @@ def run(path: str | Path | Sequence[str | Path], request: Check, job: Job) -> He
     card = _joined(paths, tuple(cards[:-1]), cards[-1])
     if unread:
         job.partial = lambda: card  # the others have their verdicts
-        raise InputError("; ".join(map(str, unread.values())))
+        raise InputError("; ".join(map(str, unread.values())), [Mistake(str(e), path) for path, e in unread.items()])
     return card
 
 

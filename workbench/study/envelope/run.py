@@ -30,7 +30,7 @@ from workbench.study.envelope.sampling import COUNTS, planned, point_of
 from workbench.study.envelope.search import search
 from workbench.study.envelope.worst import system_at
 from workbench.study.finished_store import Finished
-from workbench.study.position_in_file import place
+from workbench.study.position_in_file import in_file
 from workbench.study.read import read_study
 from workbench.study.requirements.base import Compliance
 from workbench.study.run import default_store
@@ -46,7 +46,7 @@ def run(name: str | Path, request: EnvelopeOf, job: Job) -> EnvelopeResult:
     envelope = _as_asked(study.envelope, request)
     folder = (Path(request.store) if request.store is not None else default_store(name)) if request.keep else None
     with (
-        place(str(study.path)),
+        in_file(study.path),
         Finished(folder) as finished,
         job.ended_by(),
         Evaluator(study, finished, request.place, job) as evaluator,
