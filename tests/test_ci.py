@@ -264,7 +264,7 @@ def test_models_that_cannot_be_read_cost_the_others_no_verdict(
 LIN = "[analyses.a]\ncommand = 'lin'\nmodel = 'fmu:FirstOrderLag'\n"
 WRONG = {
     "mistakes": (f"{LIN}dz = 1\n[analyses.b]\ncommand = 'lim'\n", [4, 6]),
-    "syntax": (f"{LIN}interface = \"me\n", [4]),
+    "syntax": (f'{LIN}interface = "me\n', [4]),
     "a name that the model lacks": (f"{LIN}inputs = ['w']\n", [1]),
     "a limit that is missing": (ENVELOPE.replace("max = -0.6\n", ""), [9]),
 }

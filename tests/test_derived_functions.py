@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import inspect
 import math
+from collections.abc import Iterator
 from typing import Any, assert_type
 
+import numpy as np
 import pytest
 
 import workbench as wb
-from workbench.core.records.option import options_of
+from workbench.commands import COMMANDS, requests_of
+from workbench.core.records.option import DeclaredOption, Options, options_of
 from workbench.errors import InputError
 from workbench.requests.request import Request
 
@@ -90,3 +93,46 @@ def test_what_is_no_number_in_the_range_is_told(value: float, says: str) -> None
 def test_a_number_is_needed_for_an_option_without_a_range_too() -> None:
     with wb.load("fmu:FirstOrderLag") as model, pytest.raises(InputError, match=r"interval: 'x' is not a number \[s\]"):
         wb.simulate(model, stop=1.0, interval="x")  # type: ignore[arg-type]
+
+
+def declared(kind: type[Options]) -> Iterator[DeclaredOption]:
+    """Every option of a request, and of the parts that it is made of."""
+    for option in options_of(kind):
+        part = option.option.part or option.type
+        if inspect.isclass(part) and issubclass(part, Options):
+            yield from declared(part)
+        else:
+            yield option
+
+
+def numeric(option: DeclaredOption) -> bool:
+    signal = option.form is not None and option.form.metavar == "NAME=SIGNAL"  # told with the input, as files are
+    return option.form is not None and not signal and not {"number", "integer"}.isdisjoint(option.form.items)
+
+
+COMMANDED = [request for name in COMMANDS for request in requests_of(name)]
+
+
+def refused(option: DeclaredOption, value: object) -> bool:
+    try:
+        option.checked(value)
+    except InputError as error:
+        return str(error).startswith(option.name)
+    return False
+
+
+@pytest.mark.parametrize("kind", COMMANDED, ids=lambda c: c.__name__)
+def test_no_option_takes_what_is_no_number(kind: type[Options]) -> None:
+    """NaN is none, True is none where no switch can be meant, and ∞ where nothing is said of it."""
+    for option in filter(numeric, declared(kind)):
+        assert option.form is not None
+        wrong = [math.nan, *([] if "boolean" in option.form.items else [True])]
+        wrong += [] if option.option.infinite or option.form.infinite else [math.inf, -math.inf]
+        for value in wrong:
+            for given in (value, np.array(value), [value], [1.0, value], (value,), {"u": value}, {"u": [1.0, value]}):
+                assert refused(option, given), f"{kind.__name__}.{option.name}: {given!r}"
+
+
+def test_infinity_is_taken_where_it_means_something() -> None:
+    taken = {o.name for kind in COMMANDED for o in filter(numeric, declared(kind)) if not refused(o, math.inf)}
+    assert taken == {"timeout", "memory_limit"}

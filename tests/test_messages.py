@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import ast
 import cmath
+import json
 import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 import workbench as wb
@@ -164,6 +167,43 @@ def test_python_names_options_as_python_has_them() -> None:
             wb.simulate(lag, stop=1.0, inputs={"u": [1, 2]})
         with pytest.raises(wb.InputError, match="or `vary` something else"):
             wb.branches(lag, "u", "y", amplitudes=[1.0])
+
+
+def test_python_says_what_was_given_and_what_is_wanted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with wb.load(LAG) as lag:
+        said: Any = lag  # what is wrong for a type checker, too
+        with pytest.raises(wb.InputError, match=r"^band: falls from 5 to 1 Hz; give the lower frequency first"):
+            wb.nfr(lag, "u", "y", band=(5, 1), amplitudes=[1.0])
+        with pytest.raises(wb.InputError, match=r"^u0: '\[1.0\]' does not say of what .* as in {'u': 1.0}$"):
+            wb.trim(said, u0=[1.0])  # type: ignore[arg-type]
+        with pytest.raises(wb.InputError, match=r"^x0: the model has no state or input 'z'; known: u, x$"):
+            wb.trim(lag, x0={"z": 1.0})
+        with pytest.raises(wb.InputError, match=r"^u0: the model has no state or input 'z'; known: u, x$"):
+            wb.trim(lag, u0={"z": 1.0})
+        assert wb.simulate(lag, points=[0.1, 0.25]).time.tolist() == [0.0, 0.1, 0.25]
+        with pytest.raises(
+            wb.InputError, match=r"^points: are times .* 100 s is after the stop at 1 s; .*interval=0.01"
+        ):
+            wb.simulate(lag, stop=1.0, points=100)
+        with pytest.raises(
+            wb.InputError, match=r"^points: times to record must rise and lie in \(0, 1\] s, not 2 from"
+        ):
+            wb.simulate(lag, stop=1.0, points=[0.5, 0.2])
+        found = {"command": "trim", **wb.trim(lag).to_dict()}
+    Path("trim.json").write_text(json.dumps(found), encoding="utf-8")
+    with pytest.raises(
+        wb.InputError, match=r"^trim.json: is not a linear model: it is a result of trim; workbench lin"
+    ):
+        wb.LinResult.read("trim.json")
+    Path("empty.json").write_text("{}", encoding="utf-8")
+    with pytest.raises(wb.InputError, match=r"^empty.json: is not a linear model: 'A' is missing; workbench lin"):
+        wb.LinResult.read("empty.json")
+    Path("model.fmu").write_bytes(b"PK\x03\x04\xd6")
+    with pytest.raises(wb.InputError, match=r"^model.fmu: is not JSON, nor another text$"):
+        wb.LinResult.read("model.fmu")
+    with pytest.raises(wb.InputError, match=r"^state_names: 1 given \(x\), but the matrices have 2 states$"):
+        wb.Linear(np.eye(2), np.zeros((2, 1)), np.eye(2), np.zeros((2, 1)), state_names=("x",))
 
 
 def test_signals_say_that_they_take_their_values_by_name() -> None:

@@ -22,10 +22,10 @@ from workbench.core.values.modal import Poles, poles_of
 from workbench.errors import InputError
 from workbench.model.described_model import DescribedModel
 from workbench.point.modes.match import Match, ModeCluster, closeness, coincide, match, turning
+from workbench.point.modes.mode import Critical, Mode
 from workbench.point.modes.page import modes_page
 from workbench.point.modes.ranges import unstable_ranges
 from workbench.point.modes.request import modes
-from workbench.point.modes.result import Critical, Mode
 from workbench.point.modes.run import critical_values, find_root, sign_of
 from workbench.point.modes.source import ModelSource
 from workbench.point.modes.track import ModeTracks, track
@@ -262,6 +262,9 @@ def test_the_gain_of_a_system_is_varied_like_a_parameter() -> None:
     plant = control.ss(control.tf([1.0], [1.0, 3.0, 3.0, 1.0]))
     with connect({"k": 1.0, "plant": plant}, [("plant.y", "k.u"), ("k.y", "plant.u", {"gain": -1.0})]) as system:
         result = modes(system, vary="k.gain", band=(-2.0, 12.0), points=5)
+        written = result.to_dict()
+        earlier = {**written, "sets": [{k: v for k, v in s.items() if k != "unstable_ranges"} for s in written["sets"]]}
+        assert type(result).from_dict(earlier).to_dict() == written
     low, high = result.sets[0].critical
     assert [c.value for c in (low, high)] == pytest.approx([-1.0, 8.0], abs=2e-5)
     assert (low.kind, low.becomes, high.kind, high.becomes) == ("divergence", "stable", "flutter", "unstable")

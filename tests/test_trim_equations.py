@@ -271,11 +271,11 @@ def test_wrong_directional_derivatives_are_noticed() -> None:
         ({"free": ["nosuch"]}, "free: the model has no state, input or output 'nosuch'"),
         ({"fix": {"z": 1.0}}, "fix: the model has no state, input or output 'z'"),
         ({"floating": ["u"]}, "floating: 'u' of the model is an input; its states are"),
-        ({"x0": {"y": 1.0}}, "x0, u0: 'y'"),
+        ({"x0": {"y": 1.0}}, "x0: 'y'"),
         ({"fix": {"u": 1.0}, "free": ["u"]}, "'u' is in both fix and free"),
         ({"fix": {"x": 1.0}, "bound": {"x": (0.0, 1.0)}}, "'x' is in both fix and bound"),
         ({"bound": {"x": (1.0, 1.0)}}, "LO below HI"),
-        ({"fix": {"x": math.nan}}, "finite"),
+        ({"fix": {"x": math.nan}}, "fix: x: nan is not a number"),
         ({"family": "any"}, "family 'any' is unknown"),
         ({"tolerance": 0.0}, "tolerance: 0 is not a positive number"),
     ],
@@ -334,3 +334,21 @@ def test_a_step_is_halved_ten_times_to_where_the_model_can_be_evaluated() -> Non
     assert found is not None
     assert found[0] == pytest.approx([1.0 / 1024.0])
     assert search._along(np.zeros(1), 2.0 * np.ones(1), slowest=False, home=False) is None
+
+
+def test_more_unknowns_than_equations_need_not_leave_anything_open() -> None:
+    """x' = x² + (u − 1)² vanishes at one point only, u − x on a line."""
+    alone = Equations(x={"x": 0.0}, u={"u": 1.0}, f=lambda v: [v["x"] ** 2 + (v["u"] - 1.0) ** 2])
+    result = trim(Plant(alone), free=["u"])
+    assert (result.converged, result.null_directions) == (True, ())
+    assert (
+        "1 equation (der(x)): no direction is left open here all the same: the solution is isolated" in result.notes[0]
+    )
+    line = trim(lag(), free=["u"])
+    assert len(line.null_directions) == 1
+    assert told(line)[0].endswith(
+        "under-determined by 1; fix one more value; otherwise one of many solutions is chosen"
+    )
+    none = trim(Plant(Equations(x={"x": 0.0}, u={"u": 0.0}, f=lambda v: [1.0 + v["x"] ** 2 + v["u"] ** 2])), free=["u"])
+    assert not none.converged
+    assert told(none)[0].endswith("under-determined by 1")

@@ -169,7 +169,7 @@ def test_running_adjusts_a_free_input() -> None:
 def test_states_that_can_only_be_observed_cannot_be_fixed() -> None:
     with pytest.raises(wb.InputError, match="only be observed"):
         trim(oscillator(10.0, settable=False), fix={"s": 1.0})
-    with pytest.raises(wb.InputError, match=r"x0, u0: the model has no state or input 's'"):
+    with pytest.raises(wb.InputError, match=r"x0: the model has no state or input 's'"):
         trim(oscillator(10.0, settable=False), x0={"s": 1.0})
 
 

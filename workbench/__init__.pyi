@@ -125,9 +125,9 @@ from workbench.point.lin.result import Zero as Zero
 from workbench.point.lin.state_space import LinearModel as LinearModel
 from workbench.point.lin.step_check import StepCheck as StepCheck
 from workbench.point.lin.step_check import step_check as step_check
+from workbench.point.modes.mode import Critical as Critical
+from workbench.point.modes.mode import Mode as Mode
 from workbench.point.modes.request import modes as modes
-from workbench.point.modes.result import Critical as Critical
-from workbench.point.modes.result import Mode as Mode
 from workbench.point.modes.result import ModeSet as ModeSet
 from workbench.point.modes.result import ModesMeeting as ModesMeeting
 from workbench.point.modes.result import ModesResult as ModesResult

@@ -64,7 +64,6 @@ class Loading(Options):
         "Time at which runs begin; by default that of the FMU's default experiment, or 0.",
         unit="s",
         metavar="T",
-        finite=True,
         default=None,
     )
     start_values: Starts = option(
@@ -85,7 +84,6 @@ class Loading(Options):
         unit="s",
         metavar="S,..",
         positive=True,
-        finite=True,
         default=None,
     )
     hold_inputs: bool = option(

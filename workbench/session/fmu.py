@@ -296,7 +296,10 @@ class FmuSession(Session):
         values: Floats = np.asarray(points, dtype=np.float64)
         rising = bool((values[1:] > values[:-1]).all())
         if not rising or not values[0] > self.time or not values[-1] <= until:
-            raise InputError(f"points must rise and lie in ({self.time:.9g}, {until:.9g}] s")
+            said = f"{values[0]:g}" if len(values) == 1 else f"{len(values)} from {values[0]:g} to {values[-1]:g}"
+            raise InputError(
+                f"points: times to record must rise and lie in ({self.time:.9g}, {until:.9g}] s, not {said}"
+            )
         return values if values[-1] == until else np.append(values, until)
 
     def values(self, names: Sequence[str]) -> dict[str, float]:

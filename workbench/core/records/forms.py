@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from numbers import Integral
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -119,6 +122,7 @@ class Form:
         items: types of a single value in JSON, see `schema`.
         repeated: whether the option can be given several times.
         example: what stands in an empty field in place of the metavar, where that says too little.
+        infinite: whether numbers may be infinite.
         files: the texts → those files and models that they name, for whoever opens only some.
     """
 
@@ -128,6 +132,7 @@ class Form:
     items: tuple[str, ...] = ("string",)
     repeated: bool = False
     example: str = ""
+    infinite: bool = False
     files: Callable[[Sequence[str]], Sequence[str]] = lambda _: ()
 
     def parts(self, value: Any) -> Any:  # noqa: ANN401 - what TOML can hold
@@ -169,7 +174,9 @@ def table(value: Any) -> dict[str, Any]:  # noqa: ANN401 - what Python or a TOML
         ValueError: the values have no names.
     """
     if not isinstance(value, Mapping | None):
-        raise ValueError(f"'{value}' is not of the form NAME = VALUE")
+        raise ValueError(
+            f"'{value}' does not say of what these are the values; give names with them, as in {{'u': 1.0}}"
+        )
     return {str(name): plain(x) for name, x in (value or {}).items()}
 
 
@@ -225,7 +232,10 @@ def _amounts(value: Any) -> tuple[float, ...]:  # noqa: ANN401
 
 
 def _names(value: Any) -> tuple[str, ...]:  # noqa: ANN401
-    return tuple(split_names(value)) if isinstance(value, str) else tuple(map(str, value))
+    names = tuple(split_names(value)) if isinstance(value, str) else tuple(value)
+    if (wrong := next((x for x in names if not isinstance(x, str)), None)) is not None:
+        raise ValueError(f"{wrong!r} is not a name")
+    return names
 
 
 def _each(read: Callable[[Any], Any]) -> Callable[[Any], dict[str, Any]]:
@@ -354,7 +364,11 @@ def whole(value: Any) -> str:  # noqa: ANN401 - what Python or a TOML file holds
 
 def _settings(value: Any) -> dict[str, Any]:  # noqa: ANN401
     result = table(value)
-    return {n: x if isinstance(x, str) or not hasattr(x, "__len__") else whole(x) for n, x in result.items()}
+    written = {n: x if isinstance(x, str) or not hasattr(x, "__len__") else whole(x) for n, x in result.items()}
+    for name, x in result.items():
+        if not isinstance(x, str) and "nan" in re.split(r"[\[\],]", str(written[name])):
+            raise ValueError(f"{name}: nan is not a number")
+    return written
 
 
 def _texts(value: Any) -> Any:  # noqa: ANN401
@@ -365,6 +379,12 @@ def _texts(value: Any) -> Any:  # noqa: ANN401
 
 def _data_sets(value: Any) -> tuple[Any, ...]:  # noqa: ANN401
     return (value,) if isinstance(value, str) or not isinstance(value, Sequence) else tuple(value)
+
+
+def _file(value: Any) -> str | Path:  # noqa: ANN401
+    if not isinstance(value, str | PathLike):
+        raise ValueError(f"'{value}' is not the path of a file")
+    return Path(value) if not isinstance(value, str) else value
 
 
 def _model(value: Any) -> str:  # noqa: ANN401
@@ -413,7 +433,16 @@ def word_or_number(*words: str, what: str) -> Form:
             raise ValueError(f"'{texts[-1]}' is neither {' nor '.join([*words, what])}")
         return texts[-1] if texts[-1] in words else int(texts[-1])
 
-    return Form(metavar="|".join([*words, "N"]), layout=replace(ONE, split=split), items=("integer", "string"))
+    def read(value: Any) -> int | str:  # noqa: ANN401 - what Python or a TOML file holds
+        if isinstance(value, str) and value not in words and value.isdecimal():
+            return int(value)
+        if value not in words and (isinstance(value, bool) or not isinstance(value, Integral) or value < 0):
+            raise ValueError(f"'{value}' is neither {' nor '.join([*words, what])}")
+        return value if isinstance(value, str) else int(value)
+
+    return Form(
+        metavar="|".join([*words, "N"]), read=read, layout=replace(ONE, split=split), items=("integer", "string")
+    )
 
 
 _NUMBERS = Form(metavar="A,..", example="1,2,5", read=several, layout=LISTED, items=_NUMBER)
@@ -438,6 +467,7 @@ _LIMITS = Form(
     layout=by_name(replace(SPAN, split=lambda texts: texts[-1]), "NAME=LO:HI"),
     items=_WITH_UNIT,
     repeated=True,
+    infinite=True,
 )
 _RANGES = replace(_LIMITS, read=_each(_rising), items=_NUMBER)
 VARIED = Form(metavar="NAME=LO:HI", read=_varied, layout=replace(ONE, split=_split_varied))
@@ -447,6 +477,7 @@ _SETTINGS = Form(
     layout=by_name(replace(ONE, split=lambda texts: setting(texts[-1]))),
     items=(*_SCALAR, "array"),
     repeated=True,
+    infinite=True,
 )
 _CONFIGURATIONS = Form(
     metavar="NAME=VALUE,..",
@@ -518,4 +549,4 @@ else:
     Settings = Annotated[object, _SETTINGS]
     Starts = Annotated[object, _SETTINGS]
     Configurations = Annotated[object, _CONFIGURATIONS]
-    File = Annotated[object, FILE]
+    File = Annotated[object, replace(FILE, read=_file)]

@@ -52,6 +52,7 @@ __all__ = [
 EACH = "each"
 _DECLARED = "option"
 _ARGUMENTS = "Args:"
+_NUMERIC = {"number", "integer"}  # among `Form.items`
 
 _Given = ParamSpec("_Given")
 _Asked = TypeVar("_Asked")
@@ -79,7 +80,7 @@ class Option:
         least: smallest value; None: any.
         positive: whether it must be above 0.
         below: what it must be less than; None: anything.
-        finite: whether it must not be infinite.
+        infinite: whether it may be infinite.
         choices: values that it can have; empty: any of its type.
         needed: why it has to be given, where a default is only for the order of the fields; empty: it need not.
         form: how values are written; None: as their type is.
@@ -99,7 +100,7 @@ class Option:
     least: float | None = None
     positive: bool = False
     below: float | None = None
-    finite: bool = False
+    infinite: bool = False
     choices: tuple[str, ...] = ()
     needed: str = ""
     form: Form | None = None
@@ -229,23 +230,47 @@ class DeclaredOption:
             raise ValueError(f"{value!r} is not a text; give one, in quotes")
 
     def _check_range(self, value: Any) -> None:  # noqa: ANN401
-        ranged = self.option.positive or self.option.finite or {self.option.below, self.option.least} != {None}
         self._check_kind(value)
+        if self.form is not None and not _NUMERIC.isdisjoint(self.form.items):
+            for name, x in _numbers_in(value):
+                self._check_number(name, x, infinite=self.option.infinite or self.form.infinite)
+        ranged = self.option.positive or {self.option.below, self.option.least} != {None}
         for x in _extremes(value) if isinstance(value, tuple) else (value,):
-            if (ranged or self.type in (int, float)) and (isinstance(x, bool) or not isinstance(x, Real)):
+            if (ranged or self.type in (int, float)) and not isinstance(x, Real):
                 raise ValueError(f"{x!r} is not a number")
-            if isinstance(x, int) and abs(x) > sys.float_info.max:
-                raise ValueError("a whole number beyond 1e308 is too large")
             if self.type is int and not isinstance(x, Integral):
                 raise ValueError(f"{x!r} is not a whole number")
             if self.option.positive and not 0.0 < x < math.inf:
-                raise ValueError(f"{x:g} is not a positive{' finite' if x == math.inf else ''} number")
+                raise ValueError(f"{x:g} is not a positive number")
             if self.option.below is not None and not x < self.option.below:
                 raise ValueError(f"{x:g} is too large; it must be below {self.option.below:g}")
-            if self.option.finite and not math.isfinite(x):
-                raise ValueError(f"{x:g} is not a finite number")
             if self.option.least is not None and not x >= self.option.least:
                 raise ValueError(f"{x:g} is too small; take at least {self.option.least:g}")
+
+    def _check_number(self, name: str, x: Real, *, infinite: bool) -> None:
+        said = f"{name}: {x}" if name else f"{x}"
+        if isinstance(x, bool) and self.form is not None and "boolean" not in self.form.items:
+            raise ValueError(f"{said} is not a number")
+        if isinstance(x, int) and abs(x) > sys.float_info.max:
+            raise ValueError("a whole number beyond 1e308 is too large")
+        if math.isnan(x):
+            raise ValueError(f"{said} is not a number")
+        if math.isinf(x) and not infinite:
+            raise ValueError(f"{said} is not a {'positive ' if self.option.positive else ''}finite number")
+
+
+def _numbers_in(value: Any, name: str = "") -> Iterator[tuple[str, Real]]:  # noqa: ANN401 - of any option
+    """Yield the numbers in a value, with the name that each has in it; of many alike those that stand for all."""
+    if isinstance(value, Real):
+        yield name, value
+    elif isinstance(value, Mapping):
+        for key, x in value.items():
+            yield from _numbers_in(x, key)
+    elif isinstance(value, tuple | list):
+        for x in _extremes(tuple(value)):
+            yield from _numbers_in(x, name)
+    elif getattr(value, "size", 0) and value.dtype.kind in "biuf":
+        yield from ((name, value.min().item()), (name, value.max().item()))  # NaN wins
 
 
 def _extremes(values: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -285,7 +310,7 @@ def option(
     least: float | None = None,
     positive: bool = False,
     below: float | None = None,
-    finite: bool = False,
+    infinite: bool = False,
     choices: tuple[str, ...] = (),
     needed: str = "",
     form: Form | None = None,
@@ -294,7 +319,7 @@ def option(
     """Declare an option of a request: a field of the dataclass. See `Option` for the arguments."""
     declared = Option(
         help=help, unit=unit, of=of, change=change, flag=flag, also=also, metavar=metavar, group=group,
-        first=first, python=python, least=least, positive=positive, below=below, finite=finite, choices=choices,
+        first=first, python=python, least=least, positive=positive, below=below, infinite=infinite, choices=choices,
         needed=needed, form=form, part=part,
     )  # fmt: skip
     made: Any = field(

@@ -32,7 +32,7 @@ def number(value: Any) -> float:  # noqa: ANN401 - text, or what Python or a TOM
         ValueError: it is not a number.
     """
     try:
-        if isinstance(value, str) and "_" in value:  # Python's own way to write 10 as 1_0
+        if (isinstance(value, str) and "_" in value) or isinstance(value, bool):  # Python reads 1_0 as 10, True as 1
             raise ValueError(value)
         return value if isinstance(value, Quantity) else float(value)  # whose unit must not be lost
     except OverflowError:

@@ -146,7 +146,9 @@ class RecordPart:
         except _WrongKeyError as error:
             what = cls._WHAT or f"a {cls.__name__}"
             remedy = f"; workbench {cls._COMMAND} --json writes one" if cls._COMMAND else ""
-            raise InputError(f"is not {what}: {error}{remedy}") from None
+            other = data.get("command") if isinstance(data, Mapping) else None
+            why = f"it is a result of {other}" if other not in {None, cls._COMMAND} else str(error)
+            raise InputError(f"is not {what}: {why}{remedy}") from None
         return result
 
     @classmethod
@@ -341,6 +343,8 @@ def read_json(path: str | Path) -> Any:  # noqa: ANN401 - whatever JSON holds
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
     except JSONDecodeError as error:
         raise InputError(f"{path}: is not JSON (line {error.lineno}, column {error.colno})") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: is not JSON, nor another text") from None
     except ValueError as error:
         raise InputError(f"{path}: is not JSON: {error}") from None
 

@@ -79,7 +79,10 @@ class Linear(RecordPart):
         for kind, size in (("state", n), ("input", m), ("output", q)):
             names = getattr(self, f"{kind}_names")
             if names and len(names) != size:
-                raise InputError(f"{len(names)} {kind}_names are given for {size} {kind}s")
+                raise InputError(
+                    f"{kind}_names: {len(names)} given ({', '.join(names)}), but the matrices have {size} {kind}"
+                    f"{'' if size == 1 else 's'}"
+                )
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what is pickled: of a large sparse A its entries only."""

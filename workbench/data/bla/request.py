@@ -114,7 +114,7 @@ class BestLinear(Request["Sequence[Experiment]", "BlaResult"]):
     )
 
     _: KW_ONLY
-    period: float = option("Period of the multisine.", unit="s", positive=True, finite=True)
+    period: float = option("Period of the multisine.", unit="s", positive=True)
     transient: int = option("Number of periods to leave out at the beginning of each realisation.", least=0, default=0)
     name: str = option("What the data come from.", default="data")
 
@@ -204,7 +204,6 @@ class BlaCommand(_Multisine, AtPoint, _InputOutput, ModelRequest["BlaResult"]):
         unit="s",
         metavar="T",
         positive=True,
-        finite=True,
         default=None,
         group=_RECORDED,
         first=True,

@@ -146,7 +146,6 @@ class Excite(AtPoint, InWhole, ModelRequest["ExciteResult"]):
         unit="s",
         metavar="T",
         least=0.0,
-        finite=True,
         default=0.0,
     )
     verify_step: bool = option(

@@ -26,7 +26,9 @@ class _Patient(Workers):
     """Where the checks run, and for how long each of them may."""
 
     scheduler: str | None = option("Not for checks.", default=None, python=True)
-    timeout: float | None = option("Time limit for one check [s]; inf for no limit.", metavar="S", default=_PATIENCE)
+    timeout: float | None = option(
+        "Time limit for one check [s]; inf for no limit.", metavar="S", infinite=True, default=_PATIENCE
+    )
 
 
 class Check(Loading, InWorkers, Request[str | Path | Sequence[str | Path], "HealthCard"]):

@@ -105,7 +105,6 @@ class Fit(Request["Response | NfrResult | BlaResult | FrequencyResponseData | st
     accuracy: float = option(
         "Relative error of the response that does not matter, besides the measured one.",
         least=0.0,
-        finite=True,
         default=0.003,
     )
     delay: float = option("Known delay, which is taken out of the response.", unit="s", least=0.0, default=0.0)

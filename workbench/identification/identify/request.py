@@ -205,7 +205,7 @@ class Identify(Request["Experiment | File", "IdentifyResult"]):
         group="Data",
     )
     settle: float = option(
-        "Time to cut off at the beginning.", unit="s", metavar="T", least=0.0, finite=True, default=0.0, group="Data"
+        "Time to cut off at the beginning.", unit="s", metavar="T", least=0.0, default=0.0, group="Data"
     )
     dt: float | None = option(
         "Sampling interval of a file without times.", unit="s", metavar="S", positive=True, default=None, group="Data"

@@ -93,7 +93,7 @@ class IdentifyStructure(_BlockOptions, Request["Experiment | File", "StructureRe
     max_order: int = option("Largest order that auto considers.", least=1, default=20)
     feedthrough: bool = option("Estimate the direct feedthrough D of the linear block.", default=True)
     delay: int = option("Known delay of the input.", unit="samples", least=0, default=0)
-    settle: float = option("Time to cut off at the beginning.", unit="s", least=0.0, finite=True, default=0.0)
+    settle: float = option("Time to cut off at the beginning.", unit="s", least=0.0, default=0.0)
     dt: float | None = option("Sampling interval of a file without times.", unit="s", positive=True, default=None)
 
     def __post_init__(self) -> None:

@@ -109,13 +109,15 @@ class Feedback(AtPoint, InParts, ModelRequest["FeedbackResult"]):
     )
     target: str = option("Input that the feedback acts on, named in the same way.", flag="--to", metavar="B.U")
     gains: Range = option(
-        "Lowest and highest gain to consider; by default all gains.", default=(-math.inf, math.inf), first=True
+        "Lowest and highest gain to consider; by default all gains.",
+        default=(-math.inf, math.inf),
+        infinite=True,
+        first=True,
     )
     settle: bool = option("Measure settling times over the stable gains.", default=False, first=True)
     gain: float | None = option(
         "Simulate the feedback with this gain, and keep the time histories.",
         metavar="G",
-        finite=True,
         default=None,
         first=True,
     )

@@ -94,7 +94,6 @@ class RateOnset(AtPoint, ModelRequest["OnsetResult"]):
         "Limit of the rate of the limiter's output, in its unit per second; a block rate_limiter tells its own.",
         metavar="R",
         positive=True,
-        finite=True,
         default=None,
     )
     attitude: str | None = option(

@@ -112,7 +112,6 @@ class OnePoint(PointOptions, Perturbed, SampledOptions, _ChosenVariables):
         unit="Hz",
         metavar="HZ",
         least=0.0,
-        finite=True,
         default=0.0,
     )
 

@@ -274,6 +274,8 @@ class LinResult(Linear, Result):
     @classmethod
     def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the point from files of earlier versions, too."""
+        if "A" not in data:
+            raise KeyError("A")
         return {**data, "operating_point": OperatingPoint.from_dict(data)}
 
     def rows(self) -> Iterator[list[Any]]:

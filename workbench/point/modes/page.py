@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from workbench.point.modes.result import Mode, ModeSet, ModesResult
+from workbench.point.modes.mode import Mode
+from workbench.point.modes.result import ModeSet, ModesResult
 from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import behind, bracketed, counted, number, sentence
 from workbench.show.verdicts import Verdict

@@ -15,7 +15,8 @@ from workbench.show.figure import COLOURS, UNSTABLE, outside, panels
 from workbench.show.tables import bracketed
 
 if TYPE_CHECKING:
-    from workbench.point.modes.result import Critical, Mode, ModeSet, ModesResult
+    from workbench.point.modes.mode import Critical, Mode
+    from workbench.point.modes.result import ModeSet, ModesResult
 
 __all__ = ["plot_modes"]
 

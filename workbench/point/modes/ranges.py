@@ -8,9 +8,11 @@ from itertools import pairwise
 import numpy as np
 
 from workbench.core.values.arrays import Floats
-from workbench.point.modes.result import Critical, Mode
+from workbench.point.modes.mode import Critical, Mode
 
-__all__ = ["unstable_ranges"]
+__all__ = ["USUAL_TOLERANCE", "unstable_ranges"]
+
+USUAL_TOLERANCE = 1e-6  # of the range of the parameter
 
 
 def unstable_ranges(

@@ -81,7 +81,6 @@ class Modes(PointOptions, InParts, ModelRequest["ModesResult"]):
         unit="Hz",
         metavar="HZ",
         least=0.0,
-        finite=True,
         default=0.0,
     )
     tolerance: float | None = option(

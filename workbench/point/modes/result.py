@@ -8,92 +8,21 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from workbench.core.records.record import RecordPart, complex_of, entry
-from workbench.core.values.arrays import Complex, Floats
+from workbench.core.records.record import RecordPart, complex_of, entry, numbers
+from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
-from workbench.core.values.poles import damped_frequency_hz, damping_ratio, natural_frequency_hz
 from workbench.fmi.variable import Value
+from workbench.point.modes.mode import Critical, Mode
+from workbench.point.modes.ranges import USUAL_TOLERANCE, unstable_ranges
 from workbench.show.result import Result
 
-__all__ = ["CRITERION", "Critical", "Mode", "ModeSet", "ModesMeeting", "ModesResult"]
+__all__ = ["CRITERION", "ModeSet", "ModesMeeting", "ModesResult"]
 
 CRITERION = (
     "critical: the real part of a mode's pole passes zero (or leaves it, for a mode that was neutral), by more than "
     "rounding may have moved the pole"
 )
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Mode:
-    """One mode over the parameter.
-
-    Attributes:
-        number: from 1 on, by rising damped frequency at the first value; what appears later (two real poles of what
-            was a pair) comes after.
-        pole: of a pair the one with the positive imaginary part, shape (k,) [1/s]; NaN where it does not exist.
-        uncertain: how far rounding may have moved it, shape (k,) [1/s].
-        states: those that take most part in it, at its first value.
-    """
-
-    number: int
-    pole: Complex
-    uncertain: Floats
-    states: tuple[str, ...]
-
-    @property
-    def natural_frequency_hz(self) -> Floats:
-        """|pole|/2π, shape (k,) [Hz]; 0 for a pole at 0."""
-        return np.asarray(np.where(self._rests, 0.0, natural_frequency_hz(self.pole)), dtype=np.float64)
-
-    @property
-    def damped_frequency_hz(self) -> Floats:
-        """|Im pole|/2π, of the free motion; 0 for a real pole; shape (k,) [Hz]."""
-        return damped_frequency_hz(self.pole)
-
-    @property
-    def frequency_hz(self) -> Floats:
-        """The damped frequency, under its name of version 0.1; shape (k,) [Hz]."""
-        return self.damped_frequency_hz
-
-    @property
-    def damping(self) -> Floats:
-        """Damping ratio −Re/|pole|, shape (k,); NaN for a pole at 0."""
-        return np.asarray(np.where(self._rests, np.nan, damping_ratio(self.pole)), dtype=np.float64)
-
-    @property
-    def _rests(self) -> NDArray[np.bool_]:
-        """Where the pole is 0 within rounding, shape (k,)."""
-        return np.asarray(np.abs(self.pole) <= self.uncertain)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Critical(RecordPart):
-    """A value of the parameter at which a mode becomes unstable or stable.
-
-    Attributes:
-        mode: number.
-        value: value of the parameter, to `ModesResult.tolerance`.
-        frequency_hz: frequency of the mode there [Hz]; 0: it does not oscillate (divergence).
-        becomes: "unstable" or "stable", the parameter rising.
-        real: real part of the pole there [1/s]; what the tolerance leaves.
-    """
-
-    mode: int
-    value: float
-    frequency_hz: float
-    becomes: str
-    real: float
-
-    @property
-    def kind(self) -> str:
-        """Return "flutter" for an oscillation, "divergence" for a real pole."""
-        return "flutter" if self.frequency_hz > 0.0 else "divergence"
-
-    def derived(self) -> dict[str, Any]:
-        """Return what happens there."""
-        return {"kind": self.kind}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -218,7 +147,7 @@ class ModeSet(RecordPart):
 
     @classmethod
     def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return the modes one by one."""
+        """Return the modes one by one; in files of earlier versions nothing says where any is unstable."""
         modes = [
             {
                 "number": number,
@@ -230,7 +159,8 @@ class ModeSet(RecordPart):
                 *(data[key] for key in ("number", "states", "uncertain", "real", "imag")), strict=True
             )
         ]
-        return {**data, "modes": modes, "failed": {f["value"]: f["reason"] for f in data["failed"]}}
+        known = {**data, "modes": modes, "failed": {f["value"]: f["reason"] for f in data["failed"]}}
+        return known if "unstable_ranges" in data else {**known, "unstable_ranges": _ranges(known)}
 
     def rows(self) -> Iterator[list[Any]]:
         """Yield label, value, mode, damped frequency, damping, real and imaginary part, natural frequency."""
@@ -283,3 +213,13 @@ class ModesResult(Result):
         yield ("configuration", self.parameter, *rest)
         for member in self.sets:
             yield from member.rows()
+
+
+def _ranges(data: Mapping[str, Any]) -> tuple[tuple[float, float], ...]:
+    """Return the unstable ranges of what a file has."""
+    values = numbers(data, "value")
+    modes = [
+        Mode(number=m["number"], pole=m["pole"], uncertain=numbers(m, "uncertain"), states=()) for m in data["modes"]
+    ]
+    critical = [Critical.from_dict(c) for c in data["critical"]]
+    return unstable_ranges(values, modes, critical, tolerance=USUAL_TOLERANCE * float(values[-1] - values[0]))

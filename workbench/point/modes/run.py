@@ -21,15 +21,15 @@ from workbench.model.varied import with_parameters
 from workbench.point.lin.request import Lin
 from workbench.point.lin.task import NOT_AT_REST, point_in_full
 from workbench.point.modes.match import match
-from workbench.point.modes.ranges import unstable_ranges
+from workbench.point.modes.mode import Critical, Mode
+from workbench.point.modes.ranges import USUAL_TOLERANCE, unstable_ranges
 from workbench.point.modes.request import Modes
-from workbench.point.modes.result import Critical, Mode, ModeSet, ModesResult
+from workbench.point.modes.result import ModeSet, ModesResult
 from workbench.point.modes.source import ModelSource
 from workbench.point.modes.track import Frame, ModeTracks, track
 
 __all__ = ["critical_values", "find_root", "run", "sign_of"]
 
-_TOLERANCE = 1e-6  # of the range
 _NAMED = 3  # states
 
 Settings = Mapping[str, Value]
@@ -48,7 +48,7 @@ def run(model: Model, request: Modes, job: Job) -> ModesResult:
     check_variables(model, [vary], "parameter", "input", "state", what="vary", number=True)
     begin, remarks = point_in_full(model, request)
     how = Lin(**begin, method=request.method, inputs=(), outputs=())
-    width = _TOLERANCE * (grid[-1] - grid[0]) if request.tolerance is None else request.tolerance
+    width = USUAL_TOLERANCE * (grid[-1] - grid[0]) if request.tolerance is None else request.tolerance
     sets, common, moving = list[ModeSet](), dict(request.set or {}), list[str]()
     first: list[OperatingPoint] = []
     unit = next((v.unit for v in model.description.variables if v.name == vary), None)

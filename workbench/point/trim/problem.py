@@ -29,14 +29,20 @@ class TrimSets:
         fix: state, input or output → the value it must have.
         bound: state, input or output → (lowest, highest) value it may have.
         floating: states whose derivative need not vanish.
-        guess: state or input → where the search begins.
+        x0, u0: state or input → where the search begins.
     """
 
     free: Sequence[str] = ()
     fix: Mapping[str, float] = field(default_factory=dict)
     bound: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     floating: Sequence[str] = ()
-    guess: Mapping[str, float] = field(default_factory=dict)
+    x0: Mapping[str, float] = field(default_factory=dict)
+    u0: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def guess(self) -> Mapping[str, float]:
+        """State or input → where the search begins."""
+        return {**self.x0, **self.u0}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,28 +123,33 @@ class TrimProblem:
         """Return rates and outputs in one array with the unknowns at `values`."""
         return np.concatenate(self.balance.evaluate(*self.at(values)))
 
-    def degrees(self, *, solved: bool) -> str:
+    def degrees(self, *, left_open: int | None) -> str:
         """Return what unknowns and equations there are, and what is missing; "" if they are as many.
 
         Args:
-            solved: whether there is a solution all the same.
+            left_open: number of directions along which there are other solutions; None: there is no solution.
         """
         n, m = len(self.unknowns), len(self._counting())
         if n == m:
             return ""
         names = _listed([k.slot.name for k in self.unknowns]) or "none"
         counted = f"{n} unknown{_s(n)} ({names}), {m} equation{_s(m)} ({_listed(self._counting()) or 'none'})"
-        return f"{counted}: {self._advice(n - m, solved=solved)}"
+        return f"{counted}: {self._advice(n - m, left_open)}"
 
     def _counting(self) -> list[str]:
         """Return the equations that count: not intervals, nor what holds by itself as the state cannot be set."""
         own = [not s.settable for s in self.balance.states]
         return [e.name for e in self.equations if e.low == e.high and not (e.row < len(own) and own[e.row])]
 
-    def _advice(self, spare: int, *, solved: bool) -> str:
+    def _advice(self, spare: int, left_open: int | None) -> str:
+        if spare > 0 and left_open == 0:
+            return "no direction is left open here all the same: the solution is isolated"
+        if spare > 0 and left_open is None:
+            return f"under-determined by {spare}"
         if spare > 0:
+            spare = left_open or spare  # the rank of the Jacobian tells it better than the numbers
             return f"under-determined by {spare}; fix {_more(spare)}; otherwise one of many solutions is chosen"
-        if solved:
+        if left_open is not None:
             return f"over-determined by {-spare}; they hold together nevertheless"
         held = [
             s.name for s in self.balance.inputs if not s.whole and s.name not in {k.slot.name for k in self.unknowns}
@@ -218,10 +229,11 @@ def _check(balance: Balance, sets: TrimSets) -> None:
         ("fix", sets.fix, ("state", "input", "output")),
         ("bound", sets.bound, ("state", "input", "output")),
         ("floating", sets.floating, ("state",)),
-        ("x0, u0", sets.guess, ("state", "input")),
+        ("x0", sets.x0, ("state", "input")),
+        ("u0", sets.u0, ("state", "input")),
     ):
         others = {name: kind for kind, group in slots.items() if kind not in kinds for name in group}
-        given = what == "x0, u0"  # co-simulation may show states only
+        given = what in {"x0", "u0"}  # co-simulation may show states only
         accepted = [n for kind in kinds for n in slots[kind] if not given or slots[kind][n].settable]
         check_names(names, accepted, kinds=kinds, what=what, others=others)
     for one, other, first, second in (
@@ -240,7 +252,7 @@ def _check(balance: Balance, sets: TrimSets) -> None:
 
 
 def _check_values(sets: TrimSets) -> None:
-    for what, values in (("fix", sets.fix), ("x0, u0", sets.guess)):
+    for what, values in (("fix", sets.fix), ("x0", sets.x0), ("u0", sets.u0)):
         for name, value in values.items():
             if not math.isfinite(value):
                 raise InputError(f"{what}: {name} must be a finite number, not {value:g}")

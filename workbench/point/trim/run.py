@@ -49,13 +49,14 @@ STAYS = 1e-5  # nominal values that a variable may move in so many periods
 def run(model: Model, request: Trim, job: Job) -> TrimResult:
     """Find an operating point; see `Trim`."""
     model, remarks = start_at(model, request.at)
-    begin = {} if model.at is None else {**model.at.x, **model.at.u}
+    begin_x, begin_u = ({}, {}) if model.at is None else (model.at.x, model.at.u)
     sets = TrimSets(
         free=tuple(request.free),
         fix=dict(request.fix or {}),
         bound=dict(request.bound or {}),
         floating=tuple(request.floating),
-        guess={**begin, **(request.x0 or {}), **(request.u0 or {})},
+        x0={**begin_x, **(request.x0 or {})},
+        u0={**begin_u, **(request.u0 or {})},
     )
     begins = model.start_time if request.time is None else request.time
     result = _TrimRun(model, sets, begins, request, job).run()
@@ -389,7 +390,7 @@ class _TrimRun:
         if solution.converged and not np.isfinite([*(r.value for r in residuals), *point.dx.values()]).all():
             solution = solution.refuted()  # an FMU need not give the same values again
             message = "no equilibrium found: at the point where the search ended, the model cannot be evaluated again"
-        degrees = problem.degrees(solved=solution.converged)
+        degrees = problem.degrees(left_open=len(nulls) if solution.converged else None)
         return replace(
             self._record(method, balance, point, residuals, message),
             null_directions=nulls,

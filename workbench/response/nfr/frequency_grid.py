@@ -50,7 +50,9 @@ def geometric_band(low: float, high: float, ratio: float, *, falling: bool = Fal
     if low == high:
         return (low,)
     if low > high and not falling:
-        raise InputError(f"band: {low:g}:{high:g} falls; write {high:g}:{low:g} (only a carried sweep may fall)")
+        raise InputError(
+            f"band: falls from {low:g} to {high:g} Hz; give the lower frequency first (only a carried sweep may fall)"
+        )
     factor = ratio if high > low else 1.0 / ratio
     # One step that would end within rounding of the last point is the last point.
     steps = math.ceil(math.log(max(low, high) / min(low, high)) / math.log(ratio) - 1e-9)

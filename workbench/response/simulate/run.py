@@ -46,7 +46,7 @@ def run(model: Model, request: Simulate, job: Job) -> SimulationResult:
     inputs = forced_inputs(model, request.inputs)
     names, instead = _names(model, request.outputs)
     start = model.start_time if request.start_time is None else request.start_time
-    stop, notes = _stop(model, request.stop)
+    stop, notes = _stop(model, request)
     stop, ends = _on_grid(start, stop, model.grid if request.points is None else None)
     notes = (*remarks, *notes, *ends, *instead, *_left_out(model, inputs), *_jumps(model, inputs, start))
     interval = _usual_interval(model, stop - start) if request.interval is None else request.interval
@@ -109,10 +109,12 @@ def _jumps(model: Model, inputs: Mapping[str, Signal], start: float) -> tuple[st
     )
 
 
-def _stop(model: Model, stop: float | None) -> tuple[float, tuple[str, ...]]:
-    """Return when the run ends [s], and a note if the model decides it."""
-    if stop is not None:
-        return stop, ()
+def _stop(model: Model, request: Simulate) -> tuple[float, tuple[str, ...]]:
+    """Return when the run ends [s], with the last point that is recorded or else as the model says, with a note."""
+    if request.stop is not None:
+        return request.stop, ()
+    if request.points is not None and np.size(request.points) > 1:
+        return float(np.ravel(request.points)[-1]), ()
     if model.stop_time is None:
         raise InputError(f"{model.name} has no default stop time; give the end of the run, `stop`")
     return model.stop_time, (f"stop: {model.stop_time:g} s, from the FMU's default experiment; `stop` changes it",)
@@ -334,6 +336,11 @@ def _points(
         raise InputError(f"stop: must be after the start at {start:g} s, not {stop:g} s")
     if points is not None:
         request: Floats = np.asarray(points, dtype=np.float64)
+        if len(request) == 1 and request[0] > stop:
+            raise InputError(
+                f"points: are times to record, and {request[0]:g} s is after the stop at {stop:g} s; for a number of "
+                f"rows give `interval`, as in interval={(stop - start) / request[0]:g}"
+            )
         return request[1:] if len(request) and request[0] == start else request  # the start has a row in any case
     span = stop - start
     if interval is None:

@@ -34,9 +34,9 @@ class Friction(Block):
         "sliding: y = coulomb · sign(u1) + viscous · u1\nstuck: y = u2, until |u2| > breakaway or |u1| > stuck_speed"
     )
     number = "friction"
-    coulomb: float = option("Friction while sliding.", default=1.0, least=0.0, finite=True)
+    coulomb: float = option("Friction while sliding.", default=1.0, least=0.0)
     breakaway: float | None = option("Force at which it breaks away; left out: coulomb.", default=None, least=0.0)
-    viscous: float = option("Friction in proportion to the speed.", default=0.0, least=0.0, finite=True)
+    viscous: float = option("Friction in proportion to the speed.", default=0.0, least=0.0)
     stuck_speed: float = option("Speed up to which it can be stuck.", default=1e-6, positive=True)
 
     @property
@@ -128,7 +128,7 @@ class Switch(Block):
     group = _SEVERAL
     equations = "y = u1 where u2 > threshold, else u3"
     number = "switch"
-    threshold: float = option("Value of u2 above which the output is u1.", default=0.5, finite=True)
+    threshold: float = option("Value of u2 above which the output is u1.", default=0.5)
 
     @property
     def inputs(self) -> tuple[str, ...]:

@@ -25,8 +25,8 @@ class Saturation(Block):
     group = _LIMITS
     equations = "y = min(max(u, lower), upper)"
     number = "saturation"
-    lower: float = option("Smallest output.", default=-1.0)
-    upper: float = option("Largest output.", default=1.0)
+    lower: float = option("Smallest output.", default=-1.0, infinite=True)
+    upper: float = option("Largest output.", default=1.0, infinite=True)
 
     def check(self) -> None:
         ordered(self.lower, self.upper)
@@ -62,9 +62,9 @@ class DeadBand(Block):
     group = _LIMITS
     equations = "y = slope (u − upper) above upper, slope (u − lower) below lower, else 0"
     number = "dead_band"
-    lower: float = option("Lower end of the band.", default=-1.0, finite=True)
-    upper: float = option("Upper end of the band.", default=1.0, finite=True)
-    slope: float = option("Slope of the output beyond the band.", default=1.0, finite=True)
+    lower: float = option("Lower end of the band.", default=-1.0)
+    upper: float = option("Upper end of the band.", default=1.0)
+    slope: float = option("Slope of the output beyond the band.", default=1.0)
 
     def check(self) -> None:
         ordered(self.lower, self.upper)
@@ -127,10 +127,10 @@ class Relay(Block):
         "on where u > on_above, off where u < off_below, as before between them\ny = upper where on, lower where off"
     )
     number = "relay"
-    lower: float = option("Output while the relay is off.", default=-1.0, finite=True)
-    upper: float = option("Output while the relay is on.", default=1.0, finite=True)
-    off_below: float = option("Input below which the relay switches off.", default=0.0, finite=True)
-    on_above: float = option("Input above which the relay switches on.", default=0.0, finite=True)
+    lower: float = option("Output while the relay is off.", default=-1.0)
+    upper: float = option("Output while the relay is on.", default=1.0)
+    off_below: float = option("Input below which the relay switches off.", default=0.0)
+    on_above: float = option("Input above which the relay switches on.", default=0.0)
     starts_on: bool = option("Whether the relay starts on, where the input is between the thresholds.", default=False)
 
     def check(self) -> None:
@@ -182,7 +182,7 @@ class _Trailing(Block):
     """The output follows by a state, which stops or goes on at either of two limits."""
 
     feeds = False
-    start: float = option("Where the state starts.", default=0.0, finite=True)
+    start: float = option("Where the state starts.", default=0.0)
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -209,7 +209,7 @@ class Backlash(_Trailing):
     equations = "dx/dt = (u − x ∓ half_width) / lag beyond the gap, 0 while |u − x| ≤ half_width\ny = slope · x"
     number = "backlash"
     half_width: float = option("Half of the gap.", default=0.1, positive=True)
-    slope: float = option("Slope of the output where the two sides are in contact.", default=1.0, finite=True)
+    slope: float = option("Slope of the output where the two sides are in contact.", default=1.0)
     lag: float = option("Time constant of the contact.", default=1e-3, unit="s", positive=True)
 
     def packed(self) -> tuple[float, ...]:
@@ -232,7 +232,9 @@ class RateLimiter(_Trailing):
     equations = "dy/dt = min(max((u − y) / lag, falling), rising)"
     number = "rate_limiter"
     rising: float = option("Highest rate of the output.", default=1.0, unit="1/s", positive=True)
-    falling: float | None = option("Lowest rate of the output, negative; left out: −rising.", default=None, unit="1/s")
+    falling: float | None = option(
+        "Lowest rate of the output, negative; left out: −rising.", default=None, unit="1/s", infinite=True
+    )
     lag: float = option("Time constant with which the output follows.", default=1e-3, unit="s", positive=True)
 
     @property
@@ -262,10 +264,10 @@ class Integrator(Block):
     equations = "dx/dt = gain · u, 0 at a limit that u would pass\ny = x"
     number = "integrator"
     feeds = False
-    gain: float = option("Gain of the input.", default=1.0, unit="1/s", finite=True)
-    lower: float = option("Smallest output.", default=-math.inf)
-    upper: float = option("Largest output.", default=math.inf)
-    start: float = option("Where the output starts.", default=0.0, finite=True)
+    gain: float = option("Gain of the input.", default=1.0, unit="1/s")
+    lower: float = option("Smallest output.", default=-math.inf, infinite=True)
+    upper: float = option("Largest output.", default=math.inf, infinite=True)
+    start: float = option("Where the output starts.", default=0.0)
 
     def check(self) -> None:
         ordered(self.lower, self.upper)
@@ -292,16 +294,16 @@ class _Controller(Block):
 
     group = "dynamic"
     number = "pid"
-    proportional: float = option("Proportional gain.", default=1.0, finite=True)
-    integral: float = option("Integral gain.", default=1.0, unit="1/s", finite=True)
-    lower: float = option("Smallest output.", default=-math.inf)
-    upper: float = option("Largest output.", default=math.inf)
+    proportional: float = option("Proportional gain.", default=1.0)
+    integral: float = option("Integral gain.", default=1.0, unit="1/s")
+    lower: float = option("Smallest output.", default=-math.inf, infinite=True)
+    upper: float = option("Largest output.", default=math.inf, infinite=True)
     tracking: float | None = option(
         "Time constant with which the integral follows a limited output (back-calculation); left out: "
         "|proportional / integral|, of a PID √(|proportional / integral| · |derivative / proportional|).",
         default=None, unit="s", positive=True,
     )  # fmt: skip
-    start: float = option("Where the integral starts.", default=0.0, finite=True)
+    start: float = option("Where the integral starts.", default=0.0)
 
     def check(self) -> None:
         ordered(self.lower, self.upper)
@@ -348,7 +350,7 @@ class Pid(_Controller):
         "v = proportional · u + x + derivative · (u − w) / filter\ny = min(max(v, lower), upper)\n"
         "dx/dt = integral · u + (y − v) / tracking\ndw/dt = (u − w) / filter"
     )
-    derivative: float = option("Derivative gain.", default=0.1, unit="s", finite=True)
+    derivative: float = option("Derivative gain.", default=0.1, unit="s")
     filter: float = option("Time constant of the derivative's filter.", default=0.01, unit="s", positive=True)
 
     @property

@@ -92,8 +92,8 @@ class LeadLag(_LinearBlock):
     kind = "lead_lag"
     group = _DYNAMIC
     equations = "y = gain (lead s + 1) / (lag s + 1) u"
-    gain: float = option("Gain at low frequencies.", default=1.0, finite=True)
-    lead: float = option("Time constant of the numerator.", default=0.1, unit="s", finite=True)
+    gain: float = option("Gain at low frequencies.", default=1.0)
+    lead: float = option("Time constant of the numerator.", default=0.1, unit="s")
     lag: float = option("Time constant of the denominator.", default=0.01, unit="s", positive=True)
 
     def matrices(self) -> BlockStateSpace:
@@ -110,7 +110,7 @@ class Notch(_LinearBlock):
     )
     frequency: float = option("Middle of the notch.", default=1.0, unit="Hz", positive=True)
     width: float = option("Damping ratio of the denominator.", default=0.5, positive=True)
-    depth: float = option("Gain in the middle.", default=0.0, least=0.0, finite=True)
+    depth: float = option("Gain in the middle.", default=0.0, least=0.0)
 
     def matrices(self) -> BlockStateSpace:
         w = 2.0 * math.pi * self.frequency
@@ -191,7 +191,7 @@ class Delay(DelayBlock):
     kind = "delay"
     equations = "y(t) = u(t − delay); before that past, or u at the start where no past is given"
     delay: float = option("Delay.", default=0.1, unit="s", positive=True)
-    past: float | None = option(PAST, default=None, finite=True)
+    past: float | None = option(PAST, default=None)
     pade: int = option(PADE, default=4, least=1, below=21)
 
     @property
@@ -209,7 +209,7 @@ class VariableDelay(DelayBlock):
     equations = "y(t) = u1(t − min(max(u2, smallest), largest))"
     largest: float = option("Largest delay.", default=1.0, unit="s", positive=True)
     smallest: float = option("Smallest delay.", default=0.01, unit="s", positive=True)
-    past: float | None = option(PAST, default=None, finite=True)
+    past: float | None = option(PAST, default=None)
     pade: int = option(PADE, default=4, least=1, below=21)
 
     def check(self) -> None:

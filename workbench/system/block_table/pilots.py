@@ -27,11 +27,11 @@ class NealSmithPilot(DelayBlock):
     kind = "neal_smith_pilot"
     group = _PILOTS
     equations = "y = gain · (lead s + 1) / (lag s + 1) · e^(−delay s) u"
-    gain: float = option("Gain at low frequencies.", default=1.0, finite=True)
-    lead: float = option("Time constant of the lead.", default=0.0, unit="s", least=0.0, finite=True)
-    lag: float = option("Time constant of the lag.", default=0.0, unit="s", least=0.0, finite=True)
-    delay: float = option("Delay of the pilot.", default=0.3, unit="s", positive=True, finite=True)
-    past: float | None = option(PAST, default=None, finite=True)
+    gain: float = option("Gain at low frequencies.", default=1.0)
+    lead: float = option("Time constant of the lead.", default=0.0, unit="s", least=0.0)
+    lag: float = option("Time constant of the lag.", default=0.0, unit="s", least=0.0)
+    delay: float = option("Delay of the pilot.", default=0.3, unit="s", positive=True)
+    past: float | None = option(PAST, default=None)
     pade: int = option(PADE, default=4, least=1, below=21)
 
     @property
@@ -65,8 +65,8 @@ class CrossoverPilot(NealSmithPilot):
 
     kind = "crossover_pilot"
     equations = "y = gain · (lead s + 1) / ((lag s + 1) (neuromuscular s + 1)) · e^(−delay s) u"
-    neuromuscular: float = option("Time constant of the arm's lag.", default=0.1, unit="s", least=0.0, finite=True)
-    delay: float = option("Reaction time.", default=0.1, unit="s", positive=True, finite=True)
+    neuromuscular: float = option("Time constant of the arm's lag.", default=0.1, unit="s", least=0.0)
+    delay: float = option("Reaction time.", default=0.1, unit="s", positive=True)
 
     @property
     def lags(self) -> tuple[float, ...]:
