@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Callable
 
@@ -22,7 +23,7 @@ def measured(response: Callable[[float, float], complex], error: float, seed: in
     draw = np.random.default_rng(seed)
 
     def measure(frequency: float, amplitude: float) -> NfrPoint:
-        off = 1.0 + error * draw.uniform(-1.0, 1.0)
+        off = 1.0 + error * draw.uniform(-1.0, 1.0) * cmath.exp(1j * draw.uniform(0.0, math.pi))
         return NfrPoint(
             frequency=frequency, amplitude=amplitude, response=response(frequency, amplitude) * off, error=error
         )
@@ -63,6 +64,22 @@ def test_bandwidth_and_amplitude_lie_inside_their_stated_errors(error: float) ->
     assert max(deviations) > 0.2
 
 
+@pytest.mark.parametrize("error", [1e-6, 1e-4, 1e-2])
+def test_the_frequency_of_90_degrees_lies_inside_its_stated_error(error: float) -> None:
+    """1/(1 − f² + 0.8 a j f), which lags by 90° at f = 1 whatever a is; (1 + j f)⁻⁵, which goes on for more than a turn."""
+    deviations = []
+    for seed in range(100):
+        measure = measured(lambda f, a: 1.0 / (1.0 - f**2 + 0.8j * a * f), error, seed)
+        found = features_of([measure(f, 1.0) for f in GRID], DROP, measure)
+        assert found.lag_hz is not None
+        assert found.lag_error_hz is not None
+        deviations.append(abs(found.lag_hz - 1.0) / found.lag_error_hz)
+    assert np.mean(np.array(deviations) <= 1.0) >= 0.95
+    assert max(deviations) > 0.2
+    measure = measured(lambda f, _: 1.0 / (1.0 + 1j * f) ** 5, 1e-6, 0)
+    assert features_of([measure(f, 1.0) for f in GRID], DROP, measure).lag_hz == pytest.approx(math.tan(math.pi / 10.0))
+
+
 def test_of_a_lag_and_an_oscillator_the_engine_finds_what_their_equations_say() -> None:
     first = 0.05
     slow = wb.nfr(lag(0.1), "u", "y", [first, 1.0, 2.0, 4.0], [1.0], bandwidth=3.0).features[0]
@@ -77,6 +94,9 @@ def test_of_a_lag_and_an_oscillator_the_engine_finds_what_their_equations_say() 
     peak = 100.0 / (2.0 * math.pi) * math.sqrt(1.0 - 2.0 * zeta**2)
     gain_db = 20.0 * math.log10(1e-4 / (2.0 * zeta * math.sqrt(1.0 - zeta**2)))
     assert light.resonance_hz == pytest.approx(peak, rel=1e-3)
+    assert light.lag_hz is not None
+    assert light.lag_error_hz is not None
+    assert abs(light.lag_hz - 100.0 / (2.0 * math.pi)) <= light.lag_error_hz + 1e-6
     assert light.resonance_gain_db is not None
     assert light.resonance_error_db is not None
     assert abs(light.resonance_gain_db - gain_db) <= light.resonance_error_db + 1e-5

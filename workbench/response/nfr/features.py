@@ -1,7 +1,8 @@
-"""Bandwidth, resonance and the amplitude that a bandwidth allows: measured between the points of the grid."""
+"""Bandwidth, lag, resonance and the amplitude that a bandwidth allows: measured between the points of the grid."""
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -13,9 +14,11 @@ from workbench.errors import WorkbenchError
 from workbench.response.nfr.curve import DROP_DB, fall_of
 from workbench.response.nfr.point import NfrPoint
 
-__all__ = ["AmplitudeLimit", "CurveFeatures", "amplitude_limit", "features_of"]
+__all__ = ["LAG_DEG", "AmplitudeLimit", "CurveFeatures", "amplitude_limit", "features_of"]
 
 Measure = Callable[[float, float], NfrPoint]  # of a frequency [Hz] and an amplitude
+
+LAG_DEG = -90.0
 
 # What is sought is a root over a logarithm: so fine; and not sought further where it is that near, in errors.
 _FINE, _NEAR = 1e-7, 0.1
@@ -33,6 +36,8 @@ class CurveFeatures:
         drop_db: by how much the gain has fallen at the bandwidth, from that at the lowest frequency [dB].
         bandwidth_hz: where it first falls by so much [Hz]; None: see `remark`.
         bandwidth_error_hz: what the errors of the points make of it, with 95 % confidence [Hz].
+        lag_hz: where the phase first lags by 90° [Hz]; None: not inside the band, or it could not be measured.
+        lag_error_hz: what the errors of the points make of it, with 95 % confidence [Hz].
         resonance_hz: where the gain is highest [Hz]; None: at an end of the band, or it could not be measured.
         resonance_gain_db: the gain there [dB].
         resonance_error_db: of that gain, with 95 % confidence [dB].
@@ -43,6 +48,8 @@ class CurveFeatures:
     drop_db: float
     bandwidth_hz: float | None = None
     bandwidth_error_hz: float | None = None
+    lag_hz: float | None = None
+    lag_error_hz: float | None = None
     resonance_hz: float | None = None
     resonance_gain_db: float | None = None
     resonance_error_db: float | None = None
@@ -73,10 +80,10 @@ class _UnmeasuredError(WorkbenchError):
 
 
 def features_of(row: Sequence[NfrPoint], drop_db: float, measure: Measure) -> CurveFeatures:
-    """Return bandwidth and resonance at one amplitude.
+    """Return bandwidth, lag and resonance at one amplitude.
 
-    The bandwidth is the root of gain(f) − gain(f₀) + drop over log f by Brent's method, the resonance a maximum by
-    bounded search; each of their steps is a measured point.
+    The bandwidth is the root of gain(f) − gain(f₀) + drop over log f by Brent's method, the lag that of phase(f) + 90°,
+    the resonance a maximum by bounded search; each of their steps is a measured point.
 
     Args:
         row: points at this amplitude, of rising frequency.
@@ -94,6 +101,12 @@ def features_of(row: Sequence[NfrPoint], drop_db: float, measure: Measure) -> Cu
         remarks.append(remark)
     except _UnmeasuredError as failure:
         remarks.append(f"bandwidth: {failure}")
+    try:
+        lag_hz, lag_error_hz, remark = _lag(known, measure)
+        result = replace(result, lag_hz=lag_hz, lag_error_hz=lag_error_hz)
+        remarks.append(f"−90°: {remark}" if remark else "")
+    except _UnmeasuredError as failure:
+        remarks.append(f"−90°: {failure}")
     try:
         peak = _resonance(known, measure)
         if peak is not None:
@@ -165,6 +178,24 @@ def _bandwidth(row: Sequence[NfrPoint], drop_db: float, measure: Measure) -> tup
     return math.exp(root), math.exp(root) * width, remark
 
 
+def _lag(row: Sequence[NfrPoint], measure: Measure) -> tuple[float | None, float | None, str]:
+    phase = np.unwrap([_phase_deg(p) for p in row], period=360.0)
+    late = np.flatnonzero(phase <= LAG_DEG)
+    if not (late.size and late[0]):
+        return None, None, ""
+    k, a = int(late[0]), row[0].amplitude
+    middle = 0.5 * (phase[k - 1] + phase[k])
+
+    def above(log_f: float) -> tuple[float, float]:
+        point = _checked(measure(math.exp(log_f), a))
+        turned = _phase_deg(point) - LAG_DEG
+        error = math.degrees(math.asin(point.error or 0.0))
+        return turned - 360.0 * round((turned + LAG_DEG - middle) / 360.0), error
+
+    root, width, remark = _root(above, math.log(row[k - 1].frequency), math.log(row[k].frequency), unit="°")
+    return math.exp(root), math.exp(root) * width, remark
+
+
 def _resonance(row: Sequence[NfrPoint], measure: Measure) -> NfrPoint | None:
     from scipy.optimize import minimize_scalar  # noqa: PLC0415 - slow to import
 
@@ -182,13 +213,16 @@ def _resonance(row: Sequence[NfrPoint], measure: Measure) -> NfrPoint | None:
     return max(tried, key=_gain_db)
 
 
-def _root(above: Callable[[float], tuple[float, float]], low: float, high: float) -> tuple[float, float, str]:
+def _root(
+    above: Callable[[float], tuple[float, float]], low: float, high: float, *, unit: str = " dB"
+) -> tuple[float, float, str]:
     """Return where a function falls through zero, the error of that, and a remark where it jumps there.
 
     Args:
-        above: of x: value and error [dB].
+        above: of x: value and error, in the unit.
         low: of x, before it.
         high: of x, behind it.
+        unit: of the function, with a blank before it.
     """
     from scipy.optimize import brentq  # noqa: PLC0415 - slow to import
 
@@ -203,7 +237,7 @@ def _root(above: Callable[[float], tuple[float, float]], low: float, high: float
     left = max(x for x in seen if seen[x][0] > 0.0)
     right = min(x for x in seen if seen[x][0] <= 0.0)
     if right - left < 10.0 * _FINE and all(abs(seen[x][0]) > _SURE * seen[x][1] + 1e-3 for x in (left, right)):
-        jump = f"it jumps there, by {seen[left][0] - seen[right][0]:.3g} dB"
+        jump = f"it jumps there, by {seen[left][0] - seen[right][0]:.3g}{unit}"
         return root, right - left, jump
     far = [x for x in seen if abs(x - root) >= _SLOPE_WIDTH] or [low, high]
     other = min(far, key=lambda x: abs(x - root))
@@ -231,6 +265,10 @@ def _above(point: NfrPoint, first: NfrPoint, drop_db: float) -> tuple[float, flo
 
 def _gain_db(point: NfrPoint) -> float:
     return float(decibels(point.response or 0.0))
+
+
+def _phase_deg(point: NfrPoint) -> float:
+    return math.degrees(cmath.phase(point.response or 0.0))
 
 
 def _error_db(point: NfrPoint) -> float:

@@ -12,6 +12,7 @@ import numpy as np
 from workbench.core.records.names_in_text import unit_of_ratio
 from workbench.response.branches.page import branches_table, folds_table, jumping
 from workbench.response.nfr.curve import DROP_DB, fall_of, peak_of
+from workbench.response.nfr.features import LAG_DEG
 from workbench.response.nfr.result import MISSING, NfrResult, percent
 from workbench.response.nfr.settling import NO_EFFECT
 from workbench.show.page import Page, PageTable, Section
@@ -20,7 +21,6 @@ from workbench.show.verdicts import Verdict
 
 __all__ = ["nfr_page"]
 
-_LAG_DEG = -90.0
 _SMALL = 0.01  # errors that say that amplitudes agree
 _NOTHING = 1e-6  # of the output's amplitude: a mean below it is rounding
 _UNKNOWN = "averaged, error unknown"
@@ -127,7 +127,8 @@ def _summary(result: NfrResult) -> Section:
         curve = _enclosed(result, i)
         one = measured.get(amplitude)
         if one is not None:
-            curve = (_with_error(one.bandwidth_hz, one.bandwidth_error_hz), curve[1], *curve[2:])
+            lag = _with_error(one.lag_hz, one.lag_error_hz) if one.lag_hz is not None else curve[1]
+            curve = (_with_error(one.bandwidth_hz, one.bandwidth_error_hz), lag, *curve[2:])
             if one.resonance_hz is not None:
                 gain = _with_error(one.resonance_gain_db, one.resonance_error_db)
                 curve = (*curve[:2], gain, f"{one.resonance_hz:.5g}")
@@ -147,7 +148,7 @@ def _enclosed(result: NfrResult, i: int) -> tuple[str, str, str, str]:
     peak, fall = peak_of(f, gain_db), fall_of(f, gain_db, result.error[i][good])
     resonant = peak is not None and peak.above_db > DROP_DB
     known = fall is not None and not fall.cliff and not resonant
-    late = np.flatnonzero(phase <= _LAG_DEG)
+    late = np.flatnonzero(phase <= LAG_DEG)
     lag = int(late[0]) if late.size else 0
     hidden = None if peak is None else peak.between
     return (

@@ -97,7 +97,8 @@ class Nfr(AtPoint, InWorkers, ModelRequest["NfrResult"]):
     _: KW_ONLY
     band: Band | None = option("Lowest and highest frequency.", unit="Hz", default=None, first=True)
     bandwidth: float | None = option(
-        "Also measure where the gain has fallen by so much from that at the band's lowest frequency, and resonance.",
+        "Also measure where the gain has fallen by so much from that at the band's lowest frequency, where the phase "
+        "lags by 90 degrees, and resonance.",
         unit="dB",
         metavar="DB",
         default=None,
