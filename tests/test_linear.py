@@ -157,7 +157,7 @@ def test_what_does_not_fit_is_refused() -> None:
     one, two = np.ones((1, 1)), np.ones((2, 2))
     with pytest.raises(InputError, match="matrix B must be 1 × 2, not 2 × 1"):
         Linear(one, np.ones((2, 1)), np.ones((2, 1)), two)
-    with pytest.raises(InputError, match="2 state_names are given for 1 states"):
+    with pytest.raises(InputError, match=r"state_names: 2 given \(a, b\), but the matrices have 1 state$"):
         Linear(one, one, one, one, state_names=("a", "b"))
     with pytest.raises(InputError, match="one input and one output"):
         LinearPart(two, two, two, two)

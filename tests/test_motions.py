@@ -17,6 +17,7 @@ from workbench.model.described_model import DescribedModel
 from workbench.response.compare.measures import measure
 from workbench.response.compare.request import compare_motions
 from workbench.response.compare.units import shown_unit
+from workbench.response.simulate.request import simulate
 from workbench.signals.kinds import Sine, Step
 from workbench.signals.text import parse_signal
 from workbench.system.connect import connect
@@ -197,3 +198,21 @@ def test_command_refuses_in_one_line(arguments: list[str], message: str, capsys:
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1
+
+
+def test_a_loop_of_co_simulation_moves_as_it_does_alone() -> None:
+    """Rows between communication points shorten the steps, and with them what these cost in a loop."""
+    wires = [("plant.del", "gain.u", {"gain": -1.0}), ("gain.y", "plant.delC")]
+    ends: dict[str, Any] = {"inputs": {"load": "plant.mH"}, "outputs": {"del": "plant.del"}}
+    with (
+        load("fmu:Rudder", interface="cs") as rudder,
+        connect({"plant": rudder, "gain": 5.0}, wires, step=0.02, **ends) as co,
+        connect({"plant": "fmu:Rudder", "gain": 5.0}, wires, **ends) as me,
+    ):
+        inputs = {"load": Step(time=0.1, value=2e3)}
+        found = compare_motions({"me": me, "co": co}, inputs=inputs, stop=0.6)
+        alone = simulate(co, inputs=inputs, stop=0.6)
+    (history,) = (h for h in found.histories if h.system == "co")
+    assert history.time.tolist() == alone.time.tolist()
+    assert history.values["del"].tolist() == alone.signals["del"].tolist()
+    assert any("with half the communication step" in note for note in found.notes)

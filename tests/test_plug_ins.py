@@ -212,13 +212,49 @@ def test_a_broken_plug_in_gets_a_line_and_stops_nothing_else(
     path(tmp_path)
     assert run(["info", "fmu:FirstOrderLag"]) == 0
     assert "acme" not in capsys.readouterr().err, "who asks for the workbench's own hears nothing of plug-ins"
-    assert run(LISTS.get(kind, ["--help"])) == 0
-    told = [line for line in capsys.readouterr().err.splitlines() if "acme" in line]
-    if kind == "readers":  # nothing lists them; who reads such a file hears of it
-        return
-    assert len(told) == 1
-    assert "of the package acme 1.0" in told[0]
-    assert message in told[0]
+    for listing in (["--help"], *([LISTS[kind]] if kind in LISTS else [])):
+        assert run(listing) == 0
+        said = capsys.readouterr()
+        told = [line for line in said.err.splitlines() if "acme" in line]
+        assert len(told) == 1
+        assert "of the package acme 1.0" in told[0]
+        assert message in told[0]
+        assert "acme" not in said.out, "what cannot be used is not listed"
+
+
+BLOCK = """
+import numpy as np
+from workbench.system.block_table.base import Block, BlockStateSpace
+from workbench.core.records.option import option
+class Odd(Block):
+    "Fails where its gain is negative, and has too few outputs where that is large."
+    kind = "odd"
+    gain: float = option("Gain.", default=1.0)
+    def matrices(self):
+        gain = np.full((0 if self.gain > 9.0 else 1, 1), self.gain**0.5 if self.gain >= 0.0 else 1 / 0)
+        return BlockStateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), gain)
+"""
+
+
+def test_what_goes_wrong_in_a_block_names_its_package(tmp_path: Path, path: Callable[[Path], None]) -> None:
+    installed(tmp_path, "acme", "[fmi_workbench.blocks]\nodd = broken:Odd\n", BLOCK)
+    path(tmp_path)
+    file = tmp_path / "system.toml"
+    whose = r"odd: the block of the package acme 1\.0"
+    for gain, message in (
+        (4.0, ""),
+        (-1.0, f"{whose} failed: ZeroDivisionError: division by zero"),
+        (10.0, rf"{whose}: its matrices have the shapes .* 0 states, 1 inputs and an output"),
+    ):
+        file.write_text(
+            f'components.k = {{block = "odd", gain = {gain}}}\ninputs.u = "k.u"\noutputs.y = "k.y"\n', encoding="utf-8"
+        )
+        if message:
+            with pytest.raises(InputError, match=message):
+                wb.load(file)
+        else:
+            with wb.load(file) as system:
+                assert wb.lin(system).D.tolist() == [[2.0]]
 
 
 def test_whoever_asks_for_a_broken_plug_in_is_told(

@@ -25,11 +25,11 @@ __all__ = ["BEGINNING", "COMMANDS", "command_of", "completing", "options_of", "p
 
 _OWN = {"run": "cli.run:run", "schema": "cli.schema:schema", "ui": "cli.ui:ui"}  # no requests
 
-# Of plug-ins that are not commands: what the name is.
+# Of plug-ins that are not commands: what the name is, and the table that has it.
 _OTHERS = {
-    "blocks": "Block of system files.",
-    "requirements": "Kind of requirement in studies.",
-    "readers": "Files of recorded data.",
+    "blocks": ("Block of system files.", "system.block_table.registry:BLOCKS"),
+    "requirements": ("Kind of requirement in studies.", "study.requirements:KINDS"),
+    "readers": ("Files of recorded data.", "data.experiment.formats:READERS"),
 }
 _NUMBERS = {"integer": "a whole number", "float": "a number"}  # click's word → ours
 _NO_PARTS = r"No such option '?(--scheduler[\w-]*).*"
@@ -65,10 +65,12 @@ class _Program(click.Group):
 
 
 def _added() -> list[tuple[str, str]]:
-    """Return what plug-ins there are, in words, and whose; of those that are not commands, what they declare to be."""
-    commands = [(p, unquoted(_first_words(p.name))) for p in REQUESTS.added()]
-    others = [(p, _OTHERS[p.kind]) for p in plug_ins() if p.kind in _OTHERS]
-    return [(p.name, f"{words} ({p.package})") for p, words in (*commands, *others)]
+    """Return what plug-ins can be used, in words, and whose."""
+    found = [(p, unquoted(_first_words(p.name))) for p in REQUESTS.added()]
+    others = dict.fromkeys(p.kind for p in plug_ins() if p.kind in _OTHERS)  # without any, no table is imported
+    usable = {p for kind in others for p in named(f"workbench.{_OTHERS[kind][1]}").added()}
+    found += [(p, _OTHERS[p.kind][0]) for p in plug_ins() if p in usable]
+    return [(p.name, f"{words} ({p.package})") for p, words in found]
 
 
 def _first_words(name: str) -> str:

@@ -16,9 +16,9 @@ class SecondOrder(Block):
     kind = "second_order"
     group = "dynamic"
     equations = "w = 2π frequency\ny = gain w² / (s² + 2 damping w s + w²) u"
-    gain: float = option("Gain at low frequencies.", default=1.0, finite=True)
-    frequency: float = option("Natural frequency.", default=1.0, unit="Hz", positive=True, finite=True)
-    damping: float = option("Damping ratio.", default=0.7, least=0.0, finite=True)
+    gain: float = option("Gain at low frequencies.", default=1.0)
+    frequency: float = option("Natural frequency.", default=1.0, unit="Hz", positive=True)
+    damping: float = option("Damping ratio.", default=0.7, least=0.0)
 
     @property
     def states(self) -> tuple[str, ...]:

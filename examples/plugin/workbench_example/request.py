@@ -36,4 +36,4 @@ class Drift(AtPoint, ModelRequest["DriftResult"]):
     example = "workbench drift fmu:Rudder --stop 1"
     unwritten = ("plot",)  # it has no picture
 
-    stop: float = option("End of the run.", unit="s", metavar="T", finite=True)
+    stop: float = option("End of the run.", unit="s", metavar="T")

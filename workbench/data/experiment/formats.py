@@ -23,7 +23,7 @@ from workbench.core.records.plug_ins import ExtensibleTable
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError, WorkbenchError, shortened
 
-__all__ = ["DataTable", "read_columns", "read_table"]
+__all__ = ["READERS", "DataTable", "read_columns", "read_table"]
 
 _SEPARATORS = (";", "\t", ",")
 _UNIT = re.compile(r"^(?P<name>.*\S)\s+\[(?P<unit>[^\[\]]*)\]$")
@@ -223,11 +223,11 @@ def read_columns(path: str | Path) -> DataTable:
     """
     path = Path(path)
     suffix = path.suffix.lower()
-    if suffix in _TEXTS or (reader := _READERS.get(suffix)) is None:
+    if suffix in _TEXTS or (reader := READERS.get(suffix)) is None:
         return read_table(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    package = _READERS.package_of(suffix)
+    package = READERS.package_of(suffix)
     columns, units, notes = _read_by(package, reader, path) if package else reader(path)
     if not columns:
         raise InputError(f"{path}: contains no columns of numbers")
@@ -365,7 +365,7 @@ def _wrong(name: str, held: Any) -> str:  # noqa: ANN401 - whatever a plug-in ha
     return "" if callable(held) else "is not a function of a path"
 
 
-_READERS: ExtensibleTable[Callable[[Path], Any]] = ExtensibleTable(
+READERS: ExtensibleTable[Callable[[Path], Any]] = ExtensibleTable(
     "readers",
     {
         ".mat": _mat,

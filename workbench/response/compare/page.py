@@ -26,6 +26,7 @@ def motions_page(result: MotionComparison) -> Page:
             *(_signal(result, s) for s in result.signals),
         ],
         summary=[Verdict("failed", f"{f.system}: {f.reason}") for f in result.failed],
+        notes=result.notes,
         kind="simulate",
     )
 

@@ -131,7 +131,12 @@ class CompareMotions(InWorker, Request["Mapping[str, DescribedModel]", "MotionCo
         default=None,
     )
     interval: float | None = option(
-        "Interval between rows; by default 1/40000 of the run.", unit="s", metavar="S", positive=True, default=None
+        "Interval between rows; by default 1/40000 of the run; of co-simulation a multiple of its step, which would be "
+        "shorter else.",
+        unit="s",
+        metavar="S",
+        positive=True,
+        default=None,
     )
 
     @classmethod

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -54,7 +55,6 @@ def run(systems: Mapping[str, DescribedModel], request: CompareMotions, job: Job
         stop=end,
         inputs=request.inputs,
         outputs=signals,
-        interval=end / _POINTS if request.interval is None else request.interval,
     )
     histories, failed = list[MotionHistory](), list[MotionFailed]()
     begins: dict[str, OperatingPoint | None] = {}
@@ -78,7 +78,7 @@ def run(systems: Mapping[str, DescribedModel], request: CompareMotions, job: Job
         )
 
     for number, (name, model) in enumerate(systems.items(), 1):
-        history, why, told = _run(model, simulation, job)
+        history, why, told = _run(model, replace(simulation, interval=_interval(model, request, end)), job)
         notes += (f"{name}: {text}" for text in told)
         if why is not None:
             failed.append(MotionFailed(system=name, time=why.time, reason=str(why), kind=why.kind))
@@ -146,6 +146,18 @@ def _stop(first: DescribedModel, stop: float | None) -> float:
     return end
 
 
+def _interval(model: DescribedModel, request: CompareMotions, end: float) -> float:
+    """Return the interval between rows [s]: of co-simulation a multiple of its step, as a row between would shorten it.
+
+    So a model moves as it does when it is simulated alone.
+    """
+    if request.interval is not None:
+        return request.interval
+    finest = end / _POINTS
+    step = (model.recipe.step or model.description.experiment.step or model.grid) if model.interface == "cs" else None
+    return finest if step is None else step * max(1, math.ceil(finest / step))
+
+
 def _run(
     model: DescribedModel, request: Simulate, job: Job
 ) -> tuple[SimulationResult | None, SimulationError | None, list[str]]:
@@ -153,7 +165,8 @@ def _run(
     inner = Job()
     with job.ended_by(inner.stop):
         try:
-            return request.run(model, inner), None, inner.notes
+            result = request.run(model, inner)
+            return result, None, [*inner.notes, *result.notes]
         except SimulationError as error:
             if error.time is None or not error.time > 0.0:
                 return None, error, inner.notes

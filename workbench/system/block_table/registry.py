@@ -6,10 +6,12 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from workbench.core.records.option import options_of
 from workbench.core.records.parsing import toml_value
 from workbench.core.records.plug_ins import ExtensibleTable
-from workbench.errors import InputError, suggest
+from workbench.errors import InputError, WorkbenchError, suggest
 from workbench.system.block_table.base import Block
 from workbench.system.block_table.choices import Friction, Lookup, Lookup2d, Maximum, Minimum, Product, Switch
 from workbench.system.block_table.limits import (
@@ -82,7 +84,31 @@ def block_of(kind: str, parameters: Mapping[str, Any]) -> Block:
         if declared.required and name not in parameters:
             raise InputError(f"{kind}: parameter '{name}' is missing")
     made: Any = result
-    return made(**parameters)  # type: ignore[no-any-return]
+    package = BLOCKS.package_of(str(kind))
+    return _of_plug_in(package, made, parameters) if package else made(**parameters)
+
+
+def _of_plug_in(package: str, made: Any, parameters: Mapping[str, Any]) -> Block:  # noqa: ANN401 - a class
+    """Return a block of another package.
+
+    Raises:
+        InputError: its own, or what else is wrong with it: it is not the linear system that its matrices should be.
+    """
+    whose = f"{made.kind}: the block of the package {package}"
+    try:
+        block: Block = made(**parameters)
+        a, b, c, d = (np.shape(matrix) for matrix in tuple(block.matrices() or ())[:4])
+    except WorkbenchError:
+        raise
+    except Exception as error:  # noqa: BLE001 - whatever a foreign block raises
+        raise InputError(f"{whose} failed: {type(error).__name__}: {error}") from None
+    n, m = len(block.states), len(block.inputs)
+    if (a, b, c, d) != ((n, n), (n, m), (1, n), (1, m)):
+        raise InputError(
+            f"{whose}: its matrices have the shapes {a}, {b}, {c}, {d}, which do not fit {n} states, {m} inputs and an "
+            "output"
+        )
+    return block
 
 
 def sample_of(kind: str) -> Block:
