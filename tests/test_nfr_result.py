@@ -7,6 +7,7 @@ import io
 import json
 from pathlib import Path
 
+import control
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -214,3 +215,14 @@ def test_above_the_sampling_rate_the_page_says_what_is_not_known_and_why() -> No
     (failed,) = result.failed
     assert "samples every 0.022 s" in failed.reason
     assert "light" not in failed.reason
+
+
+def test_the_offset_of_an_integrating_output_is_unknown() -> None:
+    """1/(s² + s) moves periodically about any mean; 1/(s + 1) about one."""
+    for poles, word in ([1.0, 1.0, 0.0], "unknown"), ([1.0, 1.0], "<"):
+        plant = control.ss(control.tf([1.0], poles))
+        with wb.connect({"p": plant}, [], inputs={"u": "p.u"}, outputs={"y": "p.y"}) as model:
+            page = nfr_page(nfr(model, "u", "y", [0.5], [1.0]))
+        (table,) = next(s.tables for s in page.sections if s.title.startswith("Amplitude"))
+        (row,) = table.rows
+        assert row[table.headings.index("offset")].startswith(word)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from pathlib import Path
@@ -357,7 +358,11 @@ def test_a_baseline_from_the_first_run_to_a_change(tmp_path: Path, capsys: pytes
     assert code == 1
     assert "as before (plain): asked with --set=tau=1.05, the baseline with --set=tau=1" in out
     assert "y at 1 s: off by 0.0" in junit.read_text(encoding="utf-8")
-    assert "worst place" in page.read_text(encoding="utf-8")
+    shown = page.read_text(encoding="utf-8")
+    assert "worst place" in shown
+    assert 'download="r.json"' in shown
+    for name, content in kept.items():
+        assert f"s.baselines/{name}, SHA-256 {hashlib.sha256(content).hexdigest()}" in shown
     code, _, said = ran("--update-baselines")
     assert code == 0
     assert "s.baselines/step_plain.json: changed: " in said

@@ -163,6 +163,14 @@ def test_a_bandwidth_says_between_which_points_it_is_interpolated() -> None:
     assert 2.0 < float(found.value or 0.0) < 4.0
     at_a_point = nfr({1.0: [1.0, 10.0 ** (-3.0 / 20.0), 0.3]}, [1.0, 2.0, 4.0])
     assert find("bandwidth", at_a_point, min=1.5, drop=3.0).where in {"", "between 2 and 4 Hz"}
+    # What `nfr --bandwidth` measured between them counts, where it is the same quantity.
+    measured = {"amplitude": 1.0, "drop_db": 3.0, "bandwidth_hz": 2.7, "bandwidth_error_hz": 1e-3, "lag_hz": None}
+    known = {**coarse, "features": [measured]}
+    found = find("bandwidth", known, min=2.0)
+    assert (found.value, found.where) == (2.7, "measured to ± 0.001 Hz")
+    for other in ({"drop": 6.0}, {"reference": 0.5}):
+        assert find("bandwidth", known, min=2.0, **other).where == "between 2 and 4 Hz"
+    assert find("bandwidth", {**coarse, "features": [{**measured, "bandwidth_hz": 5.0}]}, min=2.0).value != 5.0
     # A point that failed inside of the bracket leaves the crossing open.
     failed = [{"frequency_hz": 3.0, "amplitude": 1.0, "reason": "the pump ran dry"}]
     broken = nfr({1.0: [1.0, 0.9, 0.1, 0.3]}, [1.0, 2.0, 3.0, 4.0], failed=failed)

@@ -62,7 +62,11 @@ _FILE = click.Path(path_type=Path)
 @click.option("--json", metavar="PATH", help="Write the result as JSON; - is standard output.")
 @click.option("--csv", metavar="PATH", help="Write the result as CSV.")
 @click.option("--junit", metavar="PATH", type=_FILE, help="Write the requirements as JUnit XML, for CI.")
-@click.option("--report", metavar="PATH", help="Write one self-contained page, .html: pictures, tables, data.")
+@click.option(
+    "--report",
+    metavar="PATH",
+    help="Write one self-contained page, .html: pictures, tables, data; beside it its facts for traceability, .stmd.",
+)
 def run(
     *,
     study: str | None,

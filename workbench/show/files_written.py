@@ -33,7 +33,9 @@ class Written(Options):
     mat: File | None = option("Write the result as variables of MATLAB, .mat.", default=None)
     plot: File | None = option("Write the picture: .png, .svg or .pdf.", default=None, first=True)
     report: File | None = option(
-        "Write one self-contained page, .html: pictures, tables, data.", default=None, first=True
+        "Write one self-contained page, .html: pictures, tables, data; beside it its facts for traceability, .stmd.",
+        default=None,
+        first=True,
     )
 
     def told(self, names: tuple[str, ...]) -> dict[str, Any]:

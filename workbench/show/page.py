@@ -147,12 +147,12 @@ def write_page(page: Page, path: str | Path) -> None:
     target = Path(path)
     if target.suffix.lower() not in SUFFIXES:
         raise InputError(f"{target}: a report is a page; name it {SUFFIXES[0]}")
-    text = _render(page)
+    text = _render(page, target.stem)
     with replacing(target) as part:
         part.write_text(visible(text), encoding="utf-8")
 
 
-def _render(page: Page) -> str:
+def _render(page: Page, name: str) -> str:
     import jinja2  # noqa: PLC0415  only reports need it
 
     loader = jinja2.PackageLoader("workbench.show", "templates")
@@ -162,6 +162,7 @@ def _render(page: Page) -> str:
     environment.filters["tone"] = tone
     return environment.get_template("page.html").render(
         page=page,
+        name=name,
         sections=[_filled(section, f"s{i}") for i, section in enumerate(page.sections, start=1)],
         summary=worst_first(page.summary),
         count=counted(page.verdicts or page.summary) if len(page.summary) >= _MANY else "",

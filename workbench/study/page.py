@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from workbench.errors import WorkbenchError
@@ -81,7 +84,25 @@ def _facts(result: StudyResult) -> dict[str, str]:
         "study": study.path.name,
         "SHA-256 of the study": study.sha256,
         **models,
+        **_baselines(result),
     }
+
+
+def _baselines(result: StudyResult) -> dict[str, str]:
+    """Return the files that results were compared with, as seen from the study, and their hashes."""
+    files = {c.baseline: f"baseline of {c.requirement.analysis}" for c in result.checked if c.baseline is not None}
+    several = Counter(files.values())
+    return {
+        f"{name} {file.stem}" if several[name] > 1 else name: _hashed(file, result.study.folder)
+        for file, name in files.items()
+    }
+
+
+def _hashed(file: Path, folder: Path) -> str:
+    shown = file.relative_to(folder) if file.is_relative_to(folder) else file
+    if not file.is_file():
+        return f"{shown.as_posix()}, which is not there"
+    return f"{shown.as_posix()}, SHA-256 {hashlib.sha256(file.read_bytes()).hexdigest()}"
 
 
 def _model(file: str, result: StudyResult) -> str:

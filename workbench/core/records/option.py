@@ -247,7 +247,7 @@ class DeclaredOption:
             if self.option.least is not None and not x >= self.option.least:
                 raise ValueError(f"{x:g} is too small; take at least {self.option.least:g}")
 
-    def _check_number(self, name: str, x: Real, *, infinite: bool) -> None:
+    def _check_number(self, name: str, x: Any, *, infinite: bool) -> None:  # noqa: ANN401 - a number
         said = f"{name}: {x}" if name else f"{x}"
         if isinstance(x, bool) and self.form is not None and "boolean" not in self.form.items:
             raise ValueError(f"{said} is not a number")
@@ -259,7 +259,7 @@ class DeclaredOption:
             raise ValueError(f"{said} is not a {'positive ' if self.option.positive else ''}finite number")
 
 
-def _numbers_in(value: Any, name: str = "") -> Iterator[tuple[str, Real]]:  # noqa: ANN401 - of any option
+def _numbers_in(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:  # noqa: ANN401 - of any option
     """Yield the numbers in a value, with the name that each has in it; of many alike those that stand for all."""
     if isinstance(value, Real):
         yield name, value

@@ -96,7 +96,7 @@ def step(subject: CheckedFmu) -> Answer:
         return Answer(verdict, evidence, consequence, numbers)
     at = f"at {_whose(subject)} {subject.step:.4g} s"
     if isinstance(swing, str) or swung is None:
-        unknown = f"; with moving inputs unknown: {swing}" if subject.inputs else ""
+        unknown = f"; with moving inputs not known: {swing}" if subject.inputs else ""
         return Answer(verdict, f"{evidence} {at}{unknown}", consequence, numbers)
     evidence = f"{_share(swung)} {at} with {swing.words}; after a jump of the inputs {evidence}"
     if swung.error <= _FINE or subject.own_step is None:

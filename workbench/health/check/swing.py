@@ -25,10 +25,11 @@ class Swing:
     """How the inputs swing.
 
     Attributes:
-        subject: what is checked, observed at the fastest output: slower ones hardly move at its pace.
+        subject: what is checked, observed at the fastest output, or state where no output shows a delay: slower ones
+            hardly move at its pace.
         signals: cosines from the start on, so that they jump first; the fastest has `frequency`.
-        frequency: 1/(2π T) of the time T in which the fastest output covers 63 % of its way after a jump [Hz].
-        name: of that output.
+        frequency: 1/(2π T) of the time T in which this one covers 63 % of its way after a jump [Hz].
+        name: of it.
         steps: natural steps of one period, at least 64, at most a test run.
     """
 
@@ -57,7 +58,7 @@ def swing_of(subject: CheckedFmu) -> Swing | str:
     except SimulationError as error:
         return f"the pace of the model cannot be measured: {error}"
     if found is None:
-        return "no output follows them with a delay"
+        return "no output or state follows them with a delay"
     time, name = found
     frequency = 0.5 / (math.pi * time)
     signals: dict[str, Signal] = {
@@ -83,9 +84,10 @@ def _quickest(subject: CheckedFmu) -> tuple[float, str] | None:
     found = []
     for k, name in enumerate(subject.names):
         first = int(np.argmax(moved[:, k] >= _WAY * way[k]))
-        if (name in outputs or not outputs) and way[k] > _SEEN * large[k] and first:
+        if way[k] > _SEEN * large[k] and first:
             found.append((float(time[first]), name))
-    return min(found, default=None)
+    of_outputs = [one for one in found if one[1] in outputs]
+    return min(of_outputs or found, default=None)  # states move, too, where outputs hide it, as a dead band does
 
 
 def _response(subject: CheckedFmu, times: Floats, h: float) -> tuple[Floats, Floats]:

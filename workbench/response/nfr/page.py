@@ -15,6 +15,7 @@ from workbench.response.nfr.curve import DROP_DB, fall_of, peak_of
 from workbench.response.nfr.features import LAG_DEG
 from workbench.response.nfr.result import MISSING, NfrResult, percent
 from workbench.response.nfr.settling import NO_EFFECT
+from workbench.response.periodic.stability import NEUTRAL
 from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import behind, bracketed, counted, number, sentence
 from workbench.show.verdicts import Verdict
@@ -253,7 +254,13 @@ def _error(result: NfrResult, i: int, j: int) -> str:
 
 
 def _offset(result: NfrResult, i: int, j: int) -> str:
-    """Return the mean of the output; below what the error leaves open, and far below its motion, that is all it is."""
+    """Return the mean of the output; below what the error leaves open, and far below its motion, that is all it is.
+
+    Where a multiplier is that of an integrator, the motion is periodic about any mean.
+    """
+    certificate = result.certificates[i][j]
+    if certificate is not None and any(abs(mu - 1.0) <= NEUTRAL for mu in certificate.multipliers):
+        return "unknown"
     offset, motion = float(result.offset[i, j]), float(result.gain[i, j] * result.amplitude[i])
     least = max(float(result.error[i, j]), _NOTHING) * motion
     return f"<{least:.1g}" if abs(offset) < least else number(offset, ".4g")

@@ -86,7 +86,7 @@ class NfrResult(Result):
         amplitude: shape (n_a,), [unit of the input].
         response: complex, output over input, [unit of the output / unit of the input].
         phase_deg: [deg], followed along rising frequency (source report, chapter 4.4.2); NaN also where the gain is 0.
-        offset: mean of the output, [unit of the output].
+        offset: mean of the output, [unit of the output]; about any where it is integrated (a multiplier of 1).
         averaged: bool; not settled: the mean of the last half of the periods, or what they tend to.
         error: of the response, relative to the true one, as a complex number's magnitude, with 95 % confidence; NaN
             where it is not known.
@@ -102,7 +102,7 @@ class NfrResult(Result):
         folds: where these fold back or lose their stability.
         operating_point: where the sine begins, and about which value of the input it moves; None where it is not known,
             as after a crash.
-        features: bandwidth and resonance at each amplitude, where `bandwidth` asked for them.
+        features: bandwidth, lag of 90° and resonance at each amplitude, where `bandwidth` asked for them.
         amplitude_limit: the amplitude at which the bandwidth falls below `least_bandwidth`, where one was given.
     """
 

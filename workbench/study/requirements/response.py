@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -108,8 +108,9 @@ class Offset(_AtFrequency):
 class Bandwidth(OfResponse, Limited):
     """The frequency at which the gain has fallen by 3 dB, or the phase to −90° [Hz].
 
-    It is interpolated in dB (or deg) over log frequency between two points, which are told: a limit between them is
-    met or not by that straight line alone; a smaller ratio of frequencies brings them closer.
+    Where `nfr` measured it between the points (its option `bandwidth`, with the same drop; −90° goes along), that is
+    its value. Else it is interpolated in dB (or deg) over log frequency between two points, which are told: a limit
+    between them is met or not by that straight line alone; a smaller ratio of frequencies brings them closer.
 
     Attributes:
         criterion: "gain" or "phase".
@@ -126,13 +127,18 @@ class Bandwidth(OfResponse, Limited):
     angle: float = -90.0
 
     def values(self, result: Result) -> list[Value]:
-        return [self._value(curve) for curve in self.responses(result)]
+        features = {one["amplitude"]: one for one in result.get("features", ())}
+        return [self._value(curve, features.get(curve.amplitude, {})) for curve in self.responses(result)]
 
-    def _value(self, curve: Curve) -> Value:
+    def _value(self, curve: Curve, features: Mapping[str, Any]) -> Value:
         values = curve.values(self.criterion)
         level = self.angle if self.criterion == "phase" else self._level(values)
         crossed = _falls_below(curve.frequency, values, level)
         curve.check_failed(0.0, math.inf if crossed is None else crossed.high)
+        measured, error = self._measured(features)
+        if crossed is not None and crossed.low <= measured <= crossed.high:
+            where = ", ".join(filter(None, [f"measured to ± {error:.1g} Hz", curve.label]))
+            return Value(value=measured, where=where, unit="Hz")
         if crossed is not None:
             return Value(value=crossed.value, where=", ".join(filter(None, [crossed.words, curve.label])), unit="Hz")
         last = curve.frequency[-1]
@@ -140,6 +146,14 @@ class Bandwidth(OfResponse, Limited):
         if self.max is not None or self.equal is not None or (self.min or 0.0) > last:
             raise NotMeasured(f"{level:.4g} {UNITS[self.criterion]} is not reached up to {last:g} Hz{curve.told}")
         return Value(value=last, where=f"not reached up to {last:g} Hz{curve.told}", unit="Hz")
+
+    def _measured(self, features: Mapping[str, Any]) -> tuple[float, float]:
+        """Return what was measured between the points, and its error [Hz]; NaN: nothing, or another quantity."""
+        by_phase = self.criterion == "phase"
+        same = self.angle == -90.0 if by_phase else self.reference is None and self.drop == features.get("drop_db")
+        name = "lag" if by_phase else "bandwidth"
+        value, error = (features.get(key) if same else None for key in (f"{name}_hz", f"{name}_error_hz"))
+        return (value, error) if value is not None and error is not None else (math.nan, math.nan)
 
     def _level(self, values: Sequence[float]) -> float:
         return (values[0] if self.reference is None else self.reference) - self.drop

@@ -97,7 +97,7 @@ def _of_plug_in(package: str, made: Any, parameters: Mapping[str, Any]) -> Block
     whose = f"{made.kind}: the block of the package {package}"
     try:
         block: Block = made(**parameters)
-        a, b, c, d = (np.shape(matrix) for matrix in tuple(block.matrices() or ())[:4])
+        a, b, c, d = (np.asarray(matrix).shape for matrix in tuple(block.matrices() or ())[:4])
     except WorkbenchError:
         raise
     except Exception as error:  # noqa: BLE001 - whatever a foreign block raises
