@@ -456,11 +456,15 @@ def test_pictures_of_a_report_have_text_and_values(changed: wb.NfrResult, tmp_pa
     assert all(0.0 < x < width and 0.0 < y < height for x, y, *_ in gains)
 
 
-def test_tables_of_sentences_fold_and_tables_of_numbers_do_not() -> None:
+def test_tables_of_sentences_and_short_wide_ones_fold_and_long_ones_of_numbers_do_not() -> None:
     sentence = "coherence 0.99 in the middle, below 0.9 elsewhere"
-    assert PageTable(("question", "verdict", "evidence"), [("noise", "good", sentence)]).wordy
-    assert not PageTable(("f", "gain", "phase"), [("1", "2", "3")]).wordy
-    assert not PageTable(("name", "text"), [("a", sentence)]).wordy
+    assert PageTable(("question", "verdict", "evidence"), [("noise", "good", sentence)]).folds
+    assert not PageTable(("f", "gain", "phase"), [("1", "2", "3")]).folds
+    assert not PageTable(("name", "text"), [("a", sentence)]).folds
+    wide = ("1", "3.55036 ± 2e-05", "3.835636 ± 7e-06", "-0.10", "0.5")
+    headings = ("amplitude [deg]", "−3 dB from 0.5 Hz [Hz]", "−90° [Hz]", "highest gain [dB]", "at [Hz]")
+    assert PageTable(headings, [wide] * 6).folds
+    assert not PageTable(headings, [wide] * 7).folds, "many rows of numbers are compared, one below the other"
 
 
 def test_an_input_that_a_simulation_forces_is_not_among_those_held() -> None:

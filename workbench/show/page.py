@@ -23,6 +23,7 @@ __all__ = ["SUFFIXES", "Page", "PageTable", "Section", "write_page"]
 SUFFIXES = (".html", ".htm")
 _LONG = 5  # a page of so many sections begins with a list of them
 _SENTENCE = 28  # longer cells are sentences [characters]
+_PHONE, _FEW_ROWS = 44, 6  # characters beside each other on 390 px; rows that are read one by one
 _MANY = 3  # so many verdicts are counted
 
 # What stands in a column of numbers: signs, digits, a unit of one sign, or that there is none.
@@ -60,10 +61,17 @@ class PageTable:
         return frozenset(i for i in range(len(self.headings)) if self._holds_numbers(i))
 
     @property
-    def wordy(self) -> bool:
-        """Whether a column holds sentences: on a phone each row becomes a card then, as tall as its words."""
+    def folds(self) -> bool:
+        """Whether each row becomes a card on a phone: a column holds sentences, or few rows are wider than it is."""
+        if len(self.headings) <= 2:
+            return False
         words = [k for k in range(len(self.headings)) if k not in self.at_right]
-        return len(self.headings) > 2 and any(len(r[k]) > _SENTENCE for r in self.rows for k in words if k < len(r))
+        if any(len(r[k]) > _SENTENCE for r in self.rows for k in words if k < len(r)):
+            return True
+        longest = [max(map(len, heading.split() or [""])) for heading in self.headings]
+        for row in self.rows:
+            longest = [max(n, len(cell)) for n, cell in zip(longest, row, strict=False)]
+        return len(self.rows) <= _FEW_ROWS and sum(longest) + 2 * len(longest) > _PHONE
 
     def _holds_numbers(self, column: int) -> bool:
         cells = [row[column] for row in self.rows if column < len(row)]
