@@ -109,9 +109,9 @@ class Output:
             self._write_json(self._full(failure_in_json(error)))
         if self._judged and isinstance(error, WorkbenchError):
             from workbench.cli.github import summarise
-            from workbench.show.cases import Ended
+            from workbench.show.cases import WithoutVerdicts
 
-            ended = Ended(self.command, error)
+            ended = WithoutVerdicts(self.command, error)
             if self._junit is not None:
                 ended.to_junit(self._junit)
             summarise(ended.page)

@@ -24,9 +24,9 @@ __all__ = [
     "PASSED",
     "SKIPPED",
     "Case",
-    "Ended",
     "Judged",
     "JudgedFiles",
+    "WithoutVerdicts",
     "check_junit",
     "mistakes_of",
 ]
@@ -95,7 +95,7 @@ class Judged(ABC):
         _write_junit(self.suite, self.cases(), path)
 
 
-class Ended(Judged):
+class WithoutVerdicts(Judged):
     """What ended a command before it had verdicts, as a CI shows it: each mistake is an error.
 
     Args:
