@@ -146,7 +146,8 @@ class RecordPart:
         except _WrongKeyError as error:
             what = cls._WHAT or f"a {cls.__name__}"
             remedy = f"; workbench {cls._COMMAND} --json writes one" if cls._COMMAND else ""
-            other = dict(data).get("command") if hasattr(data, "keys") else None
+            held: Any = data  # whatever a file holds
+            other = held.get("command") if isinstance(held, Mapping) else None
             why = f"it is a result of {other}" if other not in {None, cls._COMMAND} else str(error)
             raise InputError(f"is not {what}: {why}{remedy}") from None
         return result

@@ -49,7 +49,8 @@ STAYS = 1e-5  # nominal values that a variable may move in so many periods
 def run(model: Model, request: Trim, job: Job) -> TrimResult:
     """Find an operating point; see `Trim`."""
     model, remarks = start_at(model, request.at)
-    begin_x, begin_u = ({}, {}) if model.at is None else (model.at.x, model.at.u)
+    begin_x: Mapping[str, float] = {} if model.at is None else model.at.x
+    begin_u: Mapping[str, float] = {} if model.at is None else model.at.u
     sets = TrimSets(
         free=tuple(request.free),
         fix=dict(request.fix or {}),
