@@ -202,7 +202,7 @@ def test_command_refuses_in_one_line(arguments: list[str], message: str, capsys:
 
 def test_a_loop_of_co_simulation_moves_as_it_does_alone() -> None:
     """Rows between communication points shorten the steps, and with them what these cost in a loop."""
-    wires = [("plant.del", "gain.u", {"gain": -1.0}), ("gain.y", "plant.delC")]
+    wires: list[Any] = [("plant.del", "gain.u", {"gain": -1.0}), ("gain.y", "plant.delC")]
     ends: dict[str, Any] = {"inputs": {"load": "plant.mH"}, "outputs": {"del": "plant.del"}}
     with (
         load("fmu:Rudder", interface="cs") as rudder,
