@@ -40,7 +40,7 @@ class Build(Request[Sequence[str | Path], "BuiltModels"]):
     written = "workbench.build.written:BuildFiles"
     algorithm = "workbench.build.run:run_build"
     example = "workbench build Rudder.mo --out Rudder.fmu --fmi 3"
-    details = 'The Modelica front end and the compiler that most of it needs: pip install "fmi-workbench[build]".'
+    details = 'Most of it needs compilers: pip install "fmi-workbench[build]".'
     subject = Subject(
         name="sources",
         type="Sequence[str | Path]",

@@ -65,7 +65,7 @@ _FILE = click.Path(path_type=Path)
 @click.option(
     "--report",
     metavar="PATH",
-    help="Write one self-contained page, .html: pictures, tables, data; beside it its facts for traceability, .stmd.",
+    help="Write one page, .html: pictures, tables, data; and its facts, .stmd, for tracing.",
 )
 def run(
     *,

@@ -33,7 +33,7 @@ class Written(Options):
     mat: File | None = option("Write the result as variables of MATLAB, .mat.", default=None)
     plot: File | None = option("Write the picture: .png, .svg or .pdf.", default=None, first=True)
     report: File | None = option(
-        "Write one self-contained page, .html: pictures, tables, data; beside it its facts for traceability, .stmd.",
+        "Write one page, .html: pictures, tables, data; and its facts, .stmd, for tracing.",
         default=None,
         first=True,
     )
