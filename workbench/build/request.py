@@ -40,7 +40,6 @@ class Build(Request[Sequence[str | Path], "BuiltModels"]):
     written = "workbench.build.written:BuildFiles"
     algorithm = "workbench.build.run:run_build"
     example = "workbench build Rudder.mo --out Rudder.fmu --fmi 3"
-    details = 'Most of it needs compilers: pip install "fmi-workbench[build]".'
     subject = Subject(
         name="sources",
         type="Sequence[str | Path]",
@@ -183,7 +182,8 @@ class Export(Request[object, "ExportResult | ContainerResult | SystemFile"]):
         "The container is for co-simulation: it steps the FMUs inside by --step and passes values on in between, so "
         "that every connection carries a delay of one step, which the system itself does not have. Blocks, gains, "
         "conversions of units and connections that close later cannot be expressed; the message names the reason.\n\n"
-        "A model with static blocks (identify --structure … --json) becomes a system: --out X.toml or X.ssp."
+        "A model with static blocks (identify --structure … --json) becomes a system: --out X.toml or X.ssp. "
+        'Compilers: pip install "fmi-workbench[build]".'
     )
     subject = Subject(
         name="model",
