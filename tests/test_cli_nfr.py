@@ -104,7 +104,7 @@ def test_a_step_that_matters_is_warned_of(capsys: pytest.CaptureFixture[str]) ->
         ([*LAG, "--freq", "0"], "--freq: 0 is not a positive number"),
         ([*LAG, "--band", "1"], "--band: '1' is not of the form LO:HI"),
         ([*LAG, "--band", "1-5"], "--band: '1-5' is not of the form LO:HI, as in 0.1:10 [Hz]"),
-        ([*LAG, "--band", "2:1"], "falls; write 1:2"),
+        ([*LAG, "--band", "2:1"], "falls from 2 to 1 Hz"),
         ([*LAG, "--band", "1:2", "--ratio", "1"], "must be above 1"),
         ([*LAG, "--freq", "1", "--errcrit", "0"], "errcrit: 0"),
         ([*LAG, "--freq", "1", "--max-periods", "1"], "at least 2"),
