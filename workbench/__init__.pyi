@@ -58,6 +58,13 @@ from workbench.health.delays.result import NoDelays as NoDelays
 from workbench.health.info.request import info as info
 from workbench.health.info.result import FmuInfo as FmuInfo
 from workbench.health.info.result import SystemInfo as SystemInfo
+from workbench.identification.calibrate.request import calibrate as calibrate
+from workbench.identification.calibrate.result import CalibratedParameter as CalibratedParameter
+from workbench.identification.calibrate.result import CalibrateResult as CalibrateResult
+from workbench.identification.calibrate.result import ChiSquared as ChiSquared
+from workbench.identification.calibrate.result import DataFit as DataFit
+from workbench.identification.calibrate.result import OutputNoise as OutputNoise
+from workbench.identification.calibrate.result import ParameterProfile as ParameterProfile
 from workbench.identification.fit.request import fit as fit
 from workbench.identification.fit.result import FitResult as FitResult
 from workbench.identification.identified.model import IdentifiedModel as IdentifiedModel

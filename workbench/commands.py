@@ -50,6 +50,7 @@ GROUPS: Mapping[str, Mapping[str, Mapping[str, str]]] = {
             "identify": "identification.structures.request:IdentifyCommand",
             "fit": "identification.fit.request:Fit",
         },
+        "calibrate": {"calibrate": "identification.calibrate.request:Calibrate"},
     },
     "Projects": {
         "run": {"envelope": "study.envelope.request:EnvelopeOf"},

@@ -102,6 +102,7 @@ def meant(requests: Sequence[type[Request[Any, Any]]], given: dict[str, Any]) ->
         for name, (declared, _) in _options(other).items():
             if name not in own and given.get(name) not in (None, _usual(declared)):
                 raise InputError(f"{declared.flag} is for {other.case or other.subject.metavar}; leave it out")
+    words = _with_rest(request, words, given)
     for name, (declared, _) in own.items():
         if given.get(name) is not None:
             given[name] = _as_read(declared, given[name])
@@ -115,6 +116,14 @@ def meant(requests: Sequence[type[Request[Any, Any]]], given: dict[str, Any]) ->
     if len(words) > 1:
         raise InputError(f"takes one {request.subject.metavar}, not {', '.join(words)}")
     return request, words[0] if words else ()
+
+
+def _with_rest(request: type[Request[Any, Any]], words: list[str], given: dict[str, Any]) -> list[str]:
+    """Return what a request is run on; what stands behind it is put to the option that takes it."""
+    rest = request.subject.rest
+    if rest and words[1:]:
+        given[rest] = [*(given.get(rest) or ()), *words[1:]]
+    return words[:1] if rest else words
 
 
 @dataclass
@@ -232,7 +241,8 @@ def _parameters(requests: Sequence[type[Request[Any, Any]]]) -> list[click.Param
         known = [(request, *options[name]) for request, options in zip(requests, own, strict=True) if name in options]
         request, _, group = known[0]
         declared = [d for _, d, _ in known]
-        result.append(_merged(name, declared, group or _heading(request), everywhere=len(known) == len(own)))
+        everywhere = len(known) == len(own) and name != request.subject.rest
+        result.append(_merged(name, declared, group or _heading(request), everywhere=everywhere))
     return sorted(result, key=lambda p: not p.required)
 
 
@@ -240,9 +250,10 @@ def _argument(requests: Sequence[type[Request[Any, Any]]]) -> click.Argument:
     subject, several = requests[0].subject, any(r.subject.several for r in requests)
     optional = any(r.subject.optional for r in requests)
     metavar = f"{subject.metavar}.." if several and not subject.several else subject.metavar
+    metavar += f" {subject.rest.upper()}.." if subject.rest else ""
     return click.Argument(
         [_SUBJECT],
-        nargs=-1 if several else 1,
+        nargs=-1 if several or subject.rest else 1,
         required=not optional,
         metavar=f"[{metavar}]" if optional else metavar,
         help=" Or: ".join(dict.fromkeys(request.subject.words for request in requests)),

@@ -85,6 +85,7 @@ class Subject:
         several: whether it is a list of such; the command line takes them one after the other.
         optional: whether a list may be empty.
         opened: whether it is a model that the command line and studies open; of several, name → model.
+        rest: option that takes what the command line names behind it; empty: nothing more may be named.
     """
 
     name: str
@@ -96,6 +97,7 @@ class Subject:
     several: bool = False
     optional: bool = False
     opened: bool = False
+    rest: str = ""
 
     @property
     def spelt(self) -> str:

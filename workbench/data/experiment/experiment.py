@@ -32,7 +32,7 @@ from workbench.data.experiment.checks import (
 from workbench.data.experiment.formats import DataTable, read_columns
 from workbench.errors import InputError, suggest
 
-__all__ = ["Experiment", "make_experiment", "read_experiment", "read_pieces"]
+__all__ = ["Experiment", "make_experiment", "read_experiment", "read_pieces", "read_signals"]
 
 Indices = NDArray[np.intp]
 
@@ -371,12 +371,9 @@ def _read(
     table = read_columns(path)
     name = Path(path).name
     notes = list(table.notes)
-    clock = next((i for i, n in enumerate(table.names) if n.casefold() in _TIME_NAMES), None)
-    signals = [n for i, n in enumerate(table.names) if i != clock]
+    clock, signals = _signals(table)
     chosen = _choose(name, signals, inputs, outputs, notes)
-    if clock is None and dt is None:
-        raise InputError(f"{name}: has no time column; give the sampling interval dt, or name a column 'time [s]'")
-    time, keep = _clock(name, table, clock, notes)
+    time, keep = _clock(name, table, clock, dt, notes)
     u, y = (_take(table, names)[keep] for names in chosen)
     pieces = [(slice(0, len(u)), u, y)]
     if repair:
@@ -407,6 +404,38 @@ def _read(
             )
         )
     return tuple(result)
+
+
+def _signals(table: DataTable) -> tuple[int | None, list[str]]:
+    """Return which column is the time, None: there is none, and the names of the others."""
+    clock = next((i for i, n in enumerate(table.names) if n.casefold() in _TIME_NAMES), None)
+    return clock, [n for i, n in enumerate(table.names) if i != clock]
+
+
+def read_signals(path: str | Path, *, dt: float | None = None) -> Experiment:
+    """Read all signals of a file as outputs, as they are: NaN where one is missing, at the times that were recorded.
+
+    Args:
+        path: path of the file.
+        dt: sampling interval [s] of a file without a time column.
+
+    Raises:
+        InputError: no such file, no table, no time; times that are not finite or do not rise.
+    """
+    table = read_columns(path)
+    name = Path(path).name
+    notes = list(table.notes)
+    clock, names = _signals(table)
+    time, keep = _clock(name, table, clock, dt, notes)
+    if clock is None:
+        time = time * float(dt or 1.0)
+    if len(time) < 2 or not np.all(np.isfinite(time)) or np.any(np.diff(time) <= 0.0):
+        raise InputError(f"{name}: needs two times or more, finite and rising")
+    units = dict(zip(table.names, table.units, strict=True))
+    return Experiment(
+        time=time, u=np.empty((len(time), 0)), y=_take(table, names)[keep], input_names=(), output_names=tuple(names),
+        input_units=(), output_units=tuple(units[n] for n in names), name=name, notes=tuple(notes),
+    )  # fmt: skip
 
 
 def _loop(name: str, remark: str) -> ClosedLoop:
@@ -440,8 +469,12 @@ def _take(table: DataTable, names: Sequence[str]) -> Floats:
     return table.values[:, [table.names.index(n) for n in names]]
 
 
-def _clock(name: str, table: DataTable, clock: int | None, notes: list[str]) -> tuple[Floats, Indices]:
+def _clock(
+    name: str, table: DataTable, clock: int | None, dt: float | None, notes: list[str]
+) -> tuple[Floats, Indices]:
     """Return the times [s] and the rows to keep: of two rows at one time (an event), the second."""
+    if clock is None and dt is None:
+        raise InputError(f"{name}: has no time column; give the sampling interval dt, or name a column 'time [s]'")
     if clock is None:
         return np.arange(len(table.values), dtype=np.float64), np.arange(len(table.values))
     unit = table.units[clock]

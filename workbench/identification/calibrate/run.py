@@ -1,0 +1,239 @@
+"""Estimate a model's parameters from measured data."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+from scipy.special import chdtrc
+
+from workbench.core.values.arrays import Floats
+from workbench.data.experiment.experiment import Experiment
+from workbench.identification.calibrate.data import measured, played
+from workbench.identification.calibrate.information import Information, Profile, bent, information, profile
+from workbench.identification.calibrate.noise import LOSSES, Noise, Segments
+from workbench.identification.calibrate.problem import Problem
+from workbench.identification.calibrate.quantities import Quantities, quantities_of
+from workbench.identification.calibrate.request import Calibrate
+from workbench.identification.calibrate.result import (
+    CalibratedParameter,
+    CalibrateResult,
+    ChiSquared,
+    DataFit,
+    OutputNoise,
+    ParameterProfile,
+)
+from workbench.identification.calibrate.runs import Runs, sampled
+from workbench.identification.calibrate.search import Found, search
+from workbench.identification.validate.residuals import autocorrelation, cross_correlation, fit_of
+from workbench.jobs.job import Job
+from workbench.jobs.runner import Runner
+from workbench.jobs.runner_choice import at_work
+from workbench.model import Model
+from workbench.model.operating_point import start_at
+
+__all__ = ["run"]
+
+_Given = Sequence[Experiment | str | Path]
+
+_LAGS = 25  # of the tests [samples]
+_PER_LAG = 5  # samples that each lag needs
+_HUGE = 700.0  # logarithm of the largest number
+
+
+def run(model: Model, request: Calibrate, job: Job) -> CalibrateResult:
+    """Calibrate; see `Calibrate`."""
+    model, remarks = start_at(model, request.at)
+    data, others = (
+        measured(model, cast("_Given", given or ()), request) for given in (request.data, request.validation)
+    )
+    quantities = quantities_of(model, data, request)
+    notes = [*remarks, *(note for one in (*data, *others) for note in one.notes), *_doubts(data)]
+    with at_work(model, request.place, job) as runner:
+        work = _Work(model, request, runner, job)
+        problem, found_out = work.problem(data, quantities, _guessed(data, request))
+        found = search(problem, request, job.say)
+        known = information(found)
+        result = _record(model, found, known, [*notes, *found_out, *found.notes])
+        job.partial = lambda: result
+        result = _looked_at(result, found, known, work)
+        compared = work.compared(others, found) if others else ()
+        runs = problem.runs
+    return replace(result, validation=compared, runs=runs.count, failed_runs=runs.failed.total())
+
+
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """What runs what."""
+
+    model: Model
+    request: Calibrate
+    runner: Runner
+    job: Job
+
+    def problem(
+        self, data: Sequence[Experiment], quantities: Quantities, noise: Noise
+    ) -> tuple[Problem, Sequence[str]]:
+        """Return the problem, and notes on how the model samples."""
+        request, model = self.request, self.model
+        grids = sampled(self.runner, [one.dt for one in data])
+        play = [played(model, one, grid, request, step) for one, (grid, step) in zip(data, grids, strict=True)]
+        runs = Runs(self.runner, self.job, play, quantities, rest=request.initial == "rest")
+        made = Problem(
+            data=tuple(data), segments=Segments(data), quantities=quantities, runs=runs, noise=noise, rtol=model.rtol,
+            loss=LOSSES[request.loss],
+        )  # fmt: skip
+        return made, [note for grid, _ in grids for note in grid.notes]
+
+    def compared(self, others: Sequence[Experiment], found: Found) -> tuple[DataFit, ...]:
+        """Return other data beside the estimate; what is free for each data set is as the model has it."""
+        shared = [k for k, q in enumerate(found.problem.quantities) if q.data is None]
+        quantities = Quantities(tuple(found.problem.quantities[k] for k in shared))
+        problem, _ = self.problem(others, quantities, found.problem.noise)
+        before, after = (problem.runs.outputs([z])[0] for z in (quantities.start, found.z[shared]))
+        return tuple(_fit(problem, i, before[i], after[i]) for i in range(len(others)))
+
+
+def _doubts(data: Sequence[Experiment]) -> Iterator[str]:
+    """Yield notes on inputs that do not move, in any of the data."""
+    names = dict.fromkeys(n for one in data for n in one.input_names)
+    for name in names:
+        columns = [one.u[:, one.input_names.index(name)] for one in data if name in one.input_names]
+        if not any(np.ptp(column) > 0.0 for column in columns):
+            yield f"input '{name}' does not move in the data: what acts by its changes alone cannot be seen"
+    if not names:
+        yield "no input was measured: all stay at their start values"
+
+
+def _guessed(data: Sequence[Experiment], request: Calibrate) -> Noise:
+    """Return the noise that the search begins with: as large as the outputs move, so that all count alike."""
+    names = list(dict.fromkeys(n for one in data for n in one.output_names))
+    sigma = {}
+    for name in names:
+        columns = [one.y[:, one.output_names.index(name)] for one in data if name in one.output_names]
+        sigma[name] = float(np.nanstd(np.concatenate(columns))) or 1.0
+    return Noise({**sigma, **(request.weights or {})}, {name: np.zeros(0) for name in names})
+
+
+def _record(model: Model, found: Found, known: Information, notes: Sequence[str]) -> CalibrateResult:
+    """Return the record of an estimate."""
+    problem = found.problem
+    before, after = (problem.runs.outputs([z])[0] for z in (problem.quantities.start, found.z))
+    failed = problem.runs.failed
+    words = [f"{failed.total()} of {problem.runs.count} runs failed; the most frequent reason: {reason}"
+             for reason, _ in failed.most_common(1)]  # fmt: skip
+    held = [
+        f"{q.name} is held by its limit: the regions of the others take it as known"
+        for q, free in zip(problem.quantities, known.free, strict=True)
+        if not free
+    ]
+    return CalibrateResult(
+        model=model.name, interface=model.interface, solver=model.solver,
+        parameters=tuple(_parameter(found, known, k) for k in range(len(found.z))),
+        correlation=known.correlation, not_identifiable=known.directions,
+        data=tuple(_fit(problem, i, before[i], after[i], _band(found, known, i)) for i in range(len(problem.data))),
+        validation=(),
+        noise=tuple(
+            OutputNoise(output=n, sigma=s, colour=tuple(problem.noise.colour[n].tolist()), given=problem.noise.given)
+            for n, s in problem.noise.sigma.items()
+        ),
+        chi_squared=_chi_squared(found, known), loss=problem.loss.name, runs=problem.runs.count,
+        failed_runs=failed.total(), reason=found.reason, converged=found.converged,
+        notes=tuple(dict.fromkeys([*notes, *words, *held])), operating_point=problem.runs.start,
+    )  # fmt: skip
+
+
+def _parameter(found: Found, known: Information, k: int) -> CalibratedParameter:
+    q, z, error = found.problem.quantities[k], float(found.z[k]), float(known.errors[k])
+    sure = bool(known.free[k]) and np.isfinite(error)
+    ends = [min(z + s * known.quantile * error, _HUGE) if q.log else z + s * known.quantile * error for s in (-1, 1)]
+    return CalibratedParameter(
+        name=q.name, kind=q.kind, unit=q.unit, start=q.start, value=q.value(z),
+        std_error=q.slope(z) * error if sure else None,
+        low=q.value(ends[0]) if sure else None, high=q.value(ends[1]) if sure else None,
+        at_bound=not known.free[k], identifiable=bool(known.free[k] and not known.open[k]),
+    )  # fmt: skip
+
+
+def _chi_squared(found: Found, known: Information) -> ChiSquared | None:
+    problem = found.problem
+    if not problem.noise.given:
+        return None
+    degrees = problem.samples - int(known.free.sum())
+    value = problem.cost(found.z)
+    return ChiSquared(value=value, degrees=degrees, p_value=float(chdtrc(degrees, value)))
+
+
+def _band(found: Found, known: Information, i: int) -> Floats:
+    """Return half the region of the outputs, shape (n, p), that the regions of the parameters make."""
+    J = found.gradient.y[i]
+    covariance = np.nan_to_num(known.covariance, nan=0.0, posinf=0.0)
+    variance = np.einsum("npa,ab,npb->np", J, covariance, J)
+    return np.asarray(known.quantile * np.sqrt(np.maximum(variance, 0.0)))
+
+
+def _fit(
+    problem: Problem, i: int, before: Floats | None, computed: Floats | None, band: Floats | None = None
+) -> DataFit:
+    """Return one data set beside the model."""
+    one = problem.data[i]
+    nothing = np.full(one.y.shape, np.nan)
+    y = nothing if computed is None else computed
+    fits = []
+    for name, wanted, given in zip(one.output_names, one.y.T, y.T, strict=True):
+        there = np.isfinite(wanted)
+        fits.append(fit_of(name, wanted[there], given[there]))
+    made = DataFit(
+        name=one.name, output_names=one.output_names, output_units=one.output_units, time=one.time, measured=one.y,
+        before=nothing if before is None else before, computed=y, fits=tuple(fits),
+        band=nothing if band is None else band,
+    )  # fmt: skip
+    return _tested(made, problem, i)
+
+
+def _tested(made: DataFit, problem: Problem, i: int) -> DataFit:
+    """Return the fit with the tests of its residuals, over the longest stretch in which no sample is missing."""
+    one = problem.data[i]
+    gone = ~np.isfinite(one.y).all(axis=1)
+    whole = Segments([replace(one, y=np.where(gone[:, None], np.nan, one.y))])
+    pieces = whole.of[0][0]
+    longest = max(pieces, key=lambda s: s.stop - s.start, default=slice(0, 0))
+    count = longest.stop - longest.start
+    lags = min(_LAGS, count // _PER_LAG)
+    rest = (made.measured - made.computed)[longest]
+    if lags < 1 or not np.all(np.isfinite(rest)):
+        return replace(made, remark="the residuals are not tested: too few samples without a gap")
+    if np.any(np.sqrt(np.mean(rest**2, axis=0)) <= 1e-6 * np.sqrt(np.mean(made.measured[longest] ** 2, axis=0))):
+        return replace(made, remark="the residuals are what the integration leaves: there is nothing to test")
+    part = replace(one, time=one.time[longest], u=one.u[longest], y=one.y[longest])
+    e = problem.noise.whitened([rest], Segments([part])).reshape(len(one.output_names), count).T
+    moves = np.asarray(np.ptp(part.u, axis=0) > 0.0)
+    cross = cross_correlation(e, part.u[:, moves], lags) if moves.any() else None
+    return replace(made, autocorrelation=autocorrelation(e, lags), cross=cross)
+
+
+def _looked_at(result: CalibrateResult, found: Found, known: Information, work: _Work) -> CalibrateResult:
+    """Return the record with what runs at the ends of the regions show, and with profiles where they are asked for."""
+    off = bent(found, known)
+    parameters, notes = list(result.parameters), list(result.notes)
+    for k, p in enumerate(parameters):
+        if p.identifiable:
+            parameters[k] = replace(p, curved=k in off)
+        if work.request.profile and known.free[k]:
+            parameters[k] = _profiled(parameters[k], found, profile(found, known, k, work.job.say), k)
+    bent_ones = [p.name for p in parameters if p.curved and p.profile is None]
+    if bent_ones:
+        notes.append(
+            f"{', '.join(bent_ones)}: the region is not an ellipse, and its ends are not sure; `profile` finds them"
+        )
+    return replace(result, parameters=tuple(parameters), notes=tuple(notes))
+
+
+def _profiled(p: CalibratedParameter, found: Found, seen: Profile, k: int) -> CalibratedParameter:
+    q = found.problem.quantities[k]
+    low, high = (q.value(x) if np.isfinite(x) else None for x in (seen.low, seen.high))
+    values = np.array([q.value(x) for x in seen.z])
+    return replace(p, low=low, high=high, profile=ParameterProfile(values=values, cost=seen.cost))

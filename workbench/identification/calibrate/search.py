@@ -1,0 +1,151 @@
+"""The search: a trust region from each start, noise and parameters estimated in turn until neither moves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from workbench.core.values.arrays import Floats
+from workbench.errors import SimulationError
+from workbench.identification.calibrate.noise import Noise, estimated
+from workbench.identification.calibrate.problem import Gradient, Problem
+from workbench.identification.calibrate.request import Calibrate
+
+__all__ = ["Found", "search"]
+
+_STILL = 0.01  # standard errors: what moves less has been found
+_FIRST = 1e-3  # relative fall of the cost that ends the first search, with one-sided differences
+_EXACT = 1e-9  # relative step that ends a search without noise to be below
+_ROUNDS = 8  # noise and parameters in turn
+_POOR = 0.5  # part of the outputs' movement: a fit that leaves more is searched for from other starts as well
+_FURTHER = 4  # such starts
+
+_REASONS = {
+    0: "the largest number of runs was reached",
+    1: "the gradient is zero",
+    2: "the misfit no longer falls",
+    3: "the parameters no longer move",
+    4: "neither the misfit nor the parameters move",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Where a search ended.
+
+    Attributes:
+        problem: with the noise that was estimated.
+        z: coordinates, shape (q,).
+        gradient: there.
+        reason: why it ended.
+        converged: whether it came to its end.
+        notes: what was done besides.
+    """
+
+    problem: Problem
+    z: Floats
+    gradient: Gradient
+    reason: str
+    converged: bool
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class _Ended:
+    z: Floats
+    cost: float
+    status: int
+
+
+def search(problem: Problem, request: Calibrate, told: Callable[[str], None]) -> Found:
+    """Return the coordinates with the least cost.
+
+    Args:
+        problem: with a first guess of the noise.
+        request: starts, loss, colour.
+        told: is called with what is being done.
+
+    Raises:
+        SimulationError: the model cannot be run at any start.
+    """
+    told("search from the start values")
+    z0 = problem.quantities.start
+    first = _descent(problem, z0, request, central=False)
+    notes: list[str] = []
+    count = request.starts
+    if not count and not _explains(problem, first):
+        count = _FURTHER
+        why = "the model cannot be run at the start values" if first is None else "the first search fits poorly"
+        notes.append(f"{why}: {count} further starts were tried")
+    for number, z in enumerate(problem.quantities.further(count), 1):
+        told(f"search from start {number} of {count}")
+        other = _descent(problem, z, request, central=False)
+        if other is not None and (first is None or other.cost < first.cost):
+            first = other
+            notes.append(f"start {number} of {count} led to a better fit than those before it")
+    if first is None:
+        reason = problem.runs.failed.most_common(1)[0][0]
+        raise SimulationError(f"the model cannot be run at the start values, nor at {count} others: {reason}")
+    return replace(_refined(problem, first, request, told), notes=tuple(notes))
+
+
+def _explains(problem: Problem, ended: _Ended | None) -> bool:
+    """Return whether a fit leaves less than half of what the outputs move."""
+    if ended is None:
+        return False
+    rest = problem.difference(ended.z) or []
+    left = sum(float(np.nansum(r**2)) / _size(problem, r.shape[1], i) for i, r in enumerate(rest))
+    return left < _POOR * len(rest)
+
+
+def _size(problem: Problem, outputs: int, i: int) -> float:
+    y = problem.data[i].y
+    return float(np.nansum((y - np.nanmean(y, axis=0)) ** 2)) or float(outputs)
+
+
+def _descent(problem: Problem, z0: Floats, request: Calibrate, *, central: bool) -> _Ended | None:
+    """Return where a trust region ends; None: the model cannot be run at its start."""
+    e = problem.residuals(z0)
+    if not np.all(np.isfinite(e)):
+        return None
+    evaluations = max(1, (request.max_runs - problem.runs.count) // ((len(z0) + 1) * len(problem.data)))
+
+    def jacobian(z: Floats) -> Floats:
+        return -problem.whitened(problem.gradient(z, central=central))[0]
+
+    found = least_squares(
+        problem.residuals, z0, jac=jacobian, bounds=problem.quantities.limits, method="trf", x_scale="jac",
+        loss=problem.loss.rho or "linear", ftol=_STILL**2 / problem.samples if central else _FIRST,
+        xtol=_EXACT, gtol=_EXACT, max_nfev=evaluations,
+    )  # fmt: skip
+    return _Ended(found.x, float(found.cost), int(found.status))
+
+
+def _refined(problem: Problem, first: _Ended, request: Calibrate, told: Callable[[str], None]) -> Found:
+    """Return the search continued with two-sided differences, noise estimated anew until nothing moves."""
+    z, ended, gradient = first.z, first, problem.gradient(first.z, central=True)
+    for number in range(_ROUNDS):
+        told(f"noise and parameters in turn, round {number + 1}")
+        problem = problem.with_noise(_noise(problem, z, request))
+        before = z
+        ended = _descent(problem, z, request, central=True) or ended
+        z = ended.z
+        gradient = problem.gradient(z, central=True)
+        moved = np.linalg.norm(problem.whitened(gradient)[0] @ (z - before))
+        if ended.status == 0 or (number > 0 and moved < _STILL * np.sqrt(len(z))):
+            break
+    problem = problem.with_noise(_noise(problem, z, request))
+    return Found(problem, z, gradient, _REASONS[ended.status], ended.status > 0)
+
+
+def _noise(problem: Problem, z: Floats, request: Calibrate) -> Noise:
+    rest = problem.difference(z)
+    if rest is None:
+        return problem.noise
+    return estimated(
+        rest, problem.segments, fitted=len(z), colour=request.noise == "auto", given=dict(request.weights or {}),
+        robust=request.loss != "gauss",
+    )  # fmt: skip
