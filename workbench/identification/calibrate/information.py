@@ -19,7 +19,7 @@ from workbench.identification.calibrate.search import Found
 __all__ = ["Information", "information", "profile"]
 
 LIKELY = 0.95  # of every region
-_OPEN = 1.0  # half a region, in coordinates: what is wider leaves the value open by more than its own size
+_OPEN = 1.0  # half a region, in coordinates: a wider one leaves the value open by more than its own size
 _ROUNDING = 1e-10  # of the largest singular value
 _PART = 0.1  # of the largest in a direction: what has less of it is not named
 _BENT = 0.3  # relative: how far the cost at the ends of a region may be off that of an ellipse
@@ -90,7 +90,7 @@ def information(found: Found) -> Information:
     inner[dead, dead] = np.inf
     covariance[np.ix_(free, free)] = inner
     is_open = quantile * np.sqrt(np.diag(covariance)) >= _OPEN
-    lost = unseen | (half >= _OPEN)
+    lost = unseen | (half * np.max(np.abs(Vt), axis=1, initial=0.0) >= _OPEN)
     null = np.zeros((int(lost.sum()), len(free)))
     null[:, free] = Vt[lost]
     directions = _sparse(null)
@@ -120,10 +120,11 @@ def _words(v: Floats, quantities: Quantities, z: Floats, half: float) -> str:
     far = "" if math.isinf(half) else f" (± {_percent(half, [quantities[k] for k in named])})"
     if len(named) == 1:
         return f"{names[0]}: {'does not act on what was measured' if not far else f'the data leave it open{far}'}"
-    if all(quantities[k].log for k in named) and len(named) == 2:
-        return f"{' and '.join(names)}: only {_product(names, -v[named[0]] / v[named[1]])} is seen{far}"
+    a, b = (quantities[k].slope(z[k]) * v[k] for k in named[:2])
+    if len(named) == 2 and all(quantities[k].low >= 0.0 for k in named):
+        a, b = (step / quantities[k].value(z[k]) for step, k in zip((a, b), named, strict=True))
+        return f"{' and '.join(names)}: only {_product(names, -a / b)} is seen{far}"
     if len(named) == 2:
-        a, b = ((quantities[k].slope(z[k]) * v[k]) for k in named)
         return f"{' and '.join(names)}: only {names[0]} {-a / b:+.3g}·{names[1]} is seen near these values{far}"
     parts = ", ".join(f"{quantities[k].name} {v[k]:+.2g}" for k in named)
     return f"{', '.join(names[:-1])} and {names[-1]} trade off: together by {parts} they are not seen{far}"

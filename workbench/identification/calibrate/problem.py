@@ -20,6 +20,8 @@ Flags = NDArray[np.bool_]
 
 _UNSURE = 0.1  # error of a derivative, relative: from here on other steps are tried
 _OTHER = 10.0  # times the step, and one over it
+_ROOM = 0.1  # of a step, between a coordinate and its limit
+_GROWN = 1e100  # standard deviations
 _LEAST = 1e-10  # relative error of a run that is assumed at least
 _STEPPED = 1e-6  # likewise of a co-simulation, whose integration is its own
 
@@ -79,9 +81,10 @@ class Problem:
         return [one.y - y for one, y in zip(self.data, known, strict=True)]
 
     def residuals(self, z: Floats) -> Floats:
-        """Return the whitened residuals, shape (N,); infinite where a run failed."""
+        """Return the whitened residuals, shape (N,); infinite where a run failed, or grew beyond all bounds."""
         found = self.difference(z)
-        return np.full(self.samples, np.inf) if found is None else self.noise.whitened(found, self.segments)
+        e = np.full(self.samples, np.inf) if found is None else self.noise.whitened(found, self.segments)
+        return e if np.all(np.abs(e) < _GROWN) else np.full(self.samples, np.inf)
 
     def cost(self, z: Floats) -> float:
         """Return Σ ρ of the whitened residuals; infinite where a run failed."""
@@ -114,10 +117,8 @@ class Problem:
         """Return differences; at a limit, or beside a run that failed, to the other side alone."""
         low, high = self.quantities.limits
         numbers = [k for k in range(len(z)) if only is None or only[k]]
-        above = {k: min(z[k] + steps[k], high[k]) for k in numbers}
-        below = {k: max(z[k] - steps[k], low[k]) for k in numbers}
         points = [z]
-        sides = [(k, x) for k in numbers for x in _sides(z[k], below[k], above[k], central=central)]
+        sides = [(k, x) for k in numbers for x in _sides(z[k], steps[k], low[k], high[k], central=central)]
         points += [_moved(z, k, x) for k, x in sides]
         base, *found = self.runs.outputs(points)
         shapes = [(*one.y.shape, len(z)) for one in self.data]
@@ -143,11 +144,10 @@ def _whole(found: Sequence[Floats | None]) -> Sequence[Floats] | None:
     return known if len(known) == len(found) else None
 
 
-def _sides(at: float, below: float, above: float, *, central: bool) -> list[float]:
-    up, down = above > at, below < at
-    if central:
-        return [x for x, there in ((above, up), (below, down)) if there]
-    return [above] if above - at >= at - below else [below]
+def _sides(at: float, step: float, low: float, high: float, *, central: bool) -> list[float]:
+    """Return where else the model is run; of the sides those on which there is room, the wider one first."""
+    ends = sorted((min(at + step, high), max(at - step, low)), key=lambda x: -abs(x - at))
+    return [x for x in ends[: 1 + central] if abs(x - at) > _ROOM * step]
 
 
 def _moved(z: Floats, k: int, x: float) -> Floats:

@@ -142,7 +142,7 @@ def quantities_of(model: Model, data: Sequence[Experiment], request: Calibrate) 
         InputError: no such parameter, not a real number, a start value that is not known.
     """
     free: Mapping[str, tuple[float, float]] = request.free  # type: ignore[assignment]
-    check_variables(model, free, "variable", what="free", number=True)
+    check_variables(model, free, "parameter", "variable", what="free", number=True)
     known = variables_of(model)
     result = [_parameter(model, known[name], *ends) for name, ends in free.items()]
     result += _states(model, data, known, request)

@@ -51,7 +51,8 @@ def _range(name: str, value: Any) -> tuple[float, float]:  # noqa: ANN401 - as a
     if isinstance(parts, int | float) or len(parts) != 2:
         raise ValueError(f"{name}: '{value}' is not of the form LO:HI, as in 1:10")
     low, high = alike(amount(part) if part not in ("", None) else end for part, end in zip(parts, _OPEN, strict=True))
-    if not low < high:
+    units = {getattr(x, "unit", "") for x in (low, high) if math.isfinite(x)}
+    if len(units) < 2 and not low < high:  # in different units, the model will tell
         raise ValueError(f"{name}: {shortest(low)}:{shortest(high)} is not of the form LO:HI with LO < HI")
     return low, high
 

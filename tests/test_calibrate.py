@@ -1,0 +1,353 @@
+"""Parameters from data: closed forms of a lag, planted values, what data cannot tell, bad input."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+import workbench as wb
+from scripts.promises.calibrate import CASES, UNSEEN, PlantedCase
+from scripts.promises.calibrate import played as computed
+from workbench.cli.app import run
+from workbench.core.values.arrays import Floats
+from workbench.errors import InputError, SimulationError
+from workbench.identification.calibrate.noise import LOSSES, Noise, Segments, estimated
+
+DT, TAU = 0.1, 0.6
+U = np.repeat(np.random.default_rng(2).uniform(-1.0, 1.0, 20), 10)
+SIGMA = 0.02
+
+
+def lag(tau: float, u: Floats = U, x0: float = 0.0) -> Floats:
+    """x of τ dx/dt = u − x with u held over DT: the closed form."""
+    a, x = math.exp(-DT / tau), [x0]
+    for value in u[:-1]:
+        x.append(a * x[-1] + (1.0 - a) * value)
+    return np.array(x)
+
+
+def record(y: Floats, u: Floats = U, **options: Any) -> wb.Experiment:
+    return wb.make_experiment(DT, u, y, input_names=["u"], output_names=["y"], **options)
+
+
+def noisy(seed: int = 3, sigma: float = SIGMA) -> Floats:
+    return lag(TAU) + np.random.default_rng(seed).normal(0.0, sigma, len(U))
+
+
+def calibrated(data: Any, free: Any = None, model: str = "fmu:FirstOrderLag", **options: Any) -> wb.CalibrateResult:
+    loading = options.pop("loading", {})
+    with wb.load(model, tolerance=1e-9, **loading) as opened:
+        return wb.calibrate(opened, data, free=free or {"tau": (0.1, 10.0)}, in_process=True, **options)
+
+
+def test_estimate_and_error_are_those_of_the_closed_form() -> None:
+    y = noisy()
+    found = calibrated(record(y), noise="white")
+    least = least_squares(lambda q: y - lag(math.exp(q[0])), [0.0], x_scale="jac", xtol=1e-12, ftol=1e-12)
+    tau = math.exp(least.x[0])
+    p = found["tau"]
+    assert p.value == pytest.approx(tau, rel=1e-4 * SIGMA)
+    size = math.sqrt(2.0 * least.cost / (len(y) - 1))
+    assert p.std_error == pytest.approx(tau * size / float(np.linalg.norm(least.jac)), rel=1e-4)
+    assert found.noise[0].sigma == pytest.approx(size, rel=1e-5)
+    assert p.identifiable
+    assert not p.at_bound
+    assert p.curved is False
+    assert found.not_identifiable == ()
+    assert found.fit_percent["y"] == pytest.approx(
+        100.0 * (1.0 - np.linalg.norm(y - lag(tau)) / np.linalg.norm(y - y.mean()))
+    )
+    assert found.runs < 40
+
+
+def test_profile_is_that_of_the_closed_form() -> None:
+    y = noisy(sigma=0.3)
+    p = calibrated(record(y), noise="white", profile=True)["tau"]
+    cost = [float(np.sum((y - lag(tau)) ** 2)) for tau in (p.value, p.low or 0.0, p.high or 0.0)]
+    quantile = 1.9719565  # of Student's t with 199 degrees of freedom, 97.5 %
+    for end in cost[1:]:
+        assert (end - cost[0]) / (cost[0] / 199.0) == pytest.approx(quantile**2, rel=0.03)
+    assert p.profile is not None
+    assert np.all(np.diff(p.profile.values) > 0.0)
+
+
+def test_whitening_is_the_inverse_root_of_the_covariance_also_over_gaps() -> None:
+    colour = np.array([1.1, -0.4])
+    companion = np.array([colour, [1.0, 0.0]])
+    # Autocovariances of the AR(2) from the Yule-Walker equations, unit innovations.
+    a1, a2 = colour
+    g0 = (1.0 - a2) / ((1.0 + a2) * ((1.0 - a2) ** 2 - a1**2))
+    gamma = [g0, a1 * g0 / (1.0 - a2)]
+    for _ in range(10):
+        gamma.append(a1 * gamma[-1] + a2 * gamma[-2])
+    assert np.all(np.abs(np.linalg.eigvals(companion)) < 1.0)
+    y = np.zeros(12)
+    y[5] = np.nan
+    data = wb.Experiment(np.arange(12.0), np.zeros((12, 0)), y[:, None], (), ("y",), (), (None,), "gaps")
+    segments = Segments([data])
+    W = Noise({"y": 2.0}, {"y": colour}).whitened([np.eye(12)[:, None, :]], segments)
+    covariance = 4.0 * np.array([[gamma[abs(i - k)] for k in range(12)] for i in range(12)])
+    covariance[:5, 6:] = covariance[6:, :5] = 0.0  # pieces are taken as independent
+    kept = np.arange(12) != 5
+    np.testing.assert_allclose((W @ covariance @ W.T), np.eye(11), atol=1e-12)
+    assert W.shape == (11, 12)
+    assert not W[:, ~kept].any()
+
+
+def test_colour_of_the_noise_is_found() -> None:
+    e = np.random.default_rng(4).normal(0.0, 1.0, 20000)
+    v = np.zeros_like(e)
+    for k in range(2, len(e)):
+        v[k] = 1.1 * v[k - 1] - 0.4 * v[k - 2] + e[k]
+    data = wb.make_experiment(1.0, v, v, input_names=["u"], output_names=["y"])
+    noise = estimated([v[:, None]], Segments([data]), fitted=0, colour=True, given={}, robust=False)
+    np.testing.assert_allclose(noise.colour["y"], [1.1, -0.4], atol=0.02)
+    assert noise.sigma["y"] == pytest.approx(1.0, rel=0.02)
+
+
+@pytest.mark.parametrize("name", ["huber", "student"])
+def test_losses_have_the_derivatives_that_they_state(name: str) -> None:
+    loss = LOSSES[name]
+    assert loss.rho is not None
+    z = np.array([0.01, 0.5, 1.7, 2.5, 9.0, 40.0])
+    h = 1e-6 * z
+    rho = loss.rho
+    np.testing.assert_allclose((rho(z + h)[0] - rho(z - h)[0]) / (2.0 * h), rho(z)[1], rtol=1e-6)
+    np.testing.assert_allclose((rho(z + h)[1] - rho(z - h)[1]) / (2.0 * h), rho(z)[2], rtol=1e-6, atol=1e-12)
+    e = np.sqrt(z)
+    psi, slope = loss.psi(e)
+    np.testing.assert_allclose(psi, e * rho(z)[1], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(slope, rho(z)[1] + 2.0 * z * rho(z)[2], rtol=1e-12, atol=1e-12)
+
+
+def test_outliers_hardly_count_with_a_robust_loss() -> None:
+    y = noisy()
+    y[::17] += 2.0
+    plain, robust = (calibrated(record(y), loss=loss, noise="white")["tau"] for loss in ("gauss", "student"))
+    assert abs(robust.value - TAU) < 0.5 * abs(plain.value - TAU)
+    assert robust.std_error is not None
+    assert abs(robust.value - TAU) < 4.0 * robust.std_error
+
+
+def test_given_noise_tells_whether_the_model_explains_the_data() -> None:
+    chi = [calibrated(record(noisy()), weights={"y": sigma}).chi_squared for sigma in (SIGMA, 0.5 * SIGMA)]
+    assert chi[0] is not None
+    assert chi[1] is not None
+    assert chi[0].degrees == len(U) - 1
+    assert chi[0].p_value > 0.01
+    assert chi[1].value == pytest.approx(4.0 * chi[0].value, rel=1e-6)
+    assert chi[1].p_value < 1e-6
+
+
+def test_several_files_missing_samples_sensors_and_delays(tmp_path: Path) -> None:
+    """Two records with a shifted clock; one has gaps. The sensor shows 1.2·y + 0.3, 0.1 s late."""
+    for number, u in enumerate((U, -U[::-1])):
+        y = 0.3 + 1.2 * np.concatenate([[0.0], lag(TAU, u)[:-1]])
+        y = y + 1e-4 * np.random.default_rng(number).standard_normal(len(u))
+        keep = [k for k in range(len(u)) if number == 0 or k % 10 not in (3, 7)]  # the input stays there
+        rows = [f"{100.0 + DT * k:.1f},{u[k]:.17g},{'' if k % 11 == 5 else f'{y[k]:.17g}'}" for k in keep]
+        (tmp_path / f"rig{number}.csv").write_text("\n".join(["time [s],force,meter", *rows]), encoding="utf-8")
+    found = calibrated(
+        [tmp_path / "rig0.csv", tmp_path / "rig1.csv"], inputs={"u": "force"}, outputs={"y": "meter"}, biases=["y"],
+        scales=["y"], delays={"y": 0.1}, noise="white",
+    )  # fmt: skip
+    truth = {"tau": TAU, "bias of y": 0.3, "scale of y": 1.2}
+    for name, value in truth.items():
+        p = found[name]
+        assert p.std_error is not None
+        assert abs(p.value - value) < 4.0 * p.std_error + 1e-6
+    assert found["tau"].std_error == pytest.approx(5e-5, rel=1.0)
+    assert len(found.data) == 2
+    assert np.isnan(found.data[0].measured).any()
+
+
+def test_initial_values_free_or_at_rest() -> None:
+    y = lag(TAU, x0=0.7) + np.random.default_rng(5).normal(0.0, 1e-3, len(U))
+    free = calibrated(record(y), initial="free", noise="white")
+    state = next(p for p in free.parameters if p.kind == "state")
+    assert state.value == pytest.approx(0.7, abs=4e-3)
+    assert free["tau"].value == pytest.approx(TAU, rel=0.01)
+    bounded = calibrated(record(y), states={"x": (0.0, 0.5)}, noise="white")
+    held = next(p for p in bounded.parameters if p.kind == "state")
+    assert held.at_bound
+    assert held.value == pytest.approx(0.5, rel=1e-4)
+    assert any("held by its limit" in note for note in bounded.notes)
+    begins = lag(TAU, x0=float(U[0])) + np.random.default_rng(6).normal(0.0, 1e-3, len(U))
+    rest = calibrated(record(begins), initial="rest", noise="white")
+    assert rest["tau"].value == pytest.approx(TAU, rel=0.01)
+    assert rest.operating_point is not None
+    assert rest.operating_point.x["x"] == pytest.approx(U[0])
+
+
+@pytest.mark.parametrize("name", UNSEEN)
+def test_what_the_data_do_not_tell_is_named(name: str) -> None:
+    case = UNSEEN[name]
+    found = _of_case(case, computed(case))
+    assert len(found.not_identifiable) == len(case.named)
+    for words, line in zip(case.named, found.not_identifiable, strict=True):
+        assert words in line
+
+
+@pytest.mark.parametrize("name", ["elevator law", "two FMUs", "lag, cs"])
+def test_planted_values_are_found_in_sampled_models_systems_and_co_simulation(name: str) -> None:
+    case = CASES[name]
+    found = _of_case(case, computed(case), noise=1e-4)
+    for p in found.parameters:
+        assert p.value == pytest.approx(case.truth[p.name], rel=1e-3)
+    assert found.not_identifiable == ()
+
+
+def _of_case(case: PlantedCase, y: Floats, noise: float = 0.05) -> wb.CalibrateResult:
+    y = y + np.random.default_rng(1).normal(0.0, noise * float(np.std(y)), len(y))
+    data = wb.make_experiment(case.dt, case.u, y, input_names=[case.input], output_names=[case.output])
+    with case.opened() as model:
+        return wb.calibrate(model, data, free={n: case.limits.get(n) for n in case.truth}, in_process=True)
+
+
+def test_a_product_of_two_gains_is_all_that_is_seen() -> None:
+    parts: Mapping[str, Any] = {"a": 2.0, "b": 3.0, "lag": wb.load("fmu:FirstOrderLag")}
+    system = wb.connect(parts, [("a.y", "b.u"), ("b.y", "lag.u")], inputs={"u": "a.u"}, outputs={"y": "lag.y"})
+    with system:
+        free = {"a.gain": (0.1, 10.0), "b.gain": (0.1, 10.0), "lag.tau": (0.1, 10.0)}
+        found = wb.calibrate(system, record(4.0 * noisy()), free=free, in_process=True)
+    assert len(found.not_identifiable) == 1
+    assert "only a.gain·b.gain is seen" in found.not_identifiable[0]
+    assert not found["a.gain"].identifiable
+    assert found["a.gain"].value * found["b.gain"].value == pytest.approx(4.0, rel=0.05)
+    assert found["lag.tau"].identifiable
+
+
+def test_a_limit_that_is_hit_and_an_input_that_does_not_move() -> None:
+    found = calibrated(record(noisy()), {"tau": (0.8, 10.0)})
+    assert found["tau"].at_bound
+    assert found["tau"].value == pytest.approx(0.8, rel=1e-3)
+    assert found["tau"].low is None
+    still = calibrated(record(0.001 * noisy(), 0.0 * U))
+    assert any("input 'u' does not move in the data" in note for note in still.notes)
+    assert still.not_identifiable == ("tau: does not act on what was measured",)
+
+
+def test_runs_that_fail_count_as_infinitely_bad() -> None:
+    """Below a natural frequency of the step the explicit steps of this co-simulation grow beyond all bounds."""
+    case = CASES["mass damper, cs"]
+    pytest.importorskip("gemseo_fmu")
+    found = _of_case(case, computed(case), noise=0.01)
+    assert found["damper.d"].value == pytest.approx(20.0, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"free": {"tua": (1, 2)}}, "free: FirstOrderLag has no parameter or variable 'tua'; did you mean tau?"),
+        ({"free": {}}, "free: name a parameter to estimate"),
+        ({"free": {"tau": (3, 1)}}, "tau: 3:1 is not of the form LO:HI with LO < HI"),
+        ({"free": {"u": (1, 2)}}, "free: 'u' is an input"),
+        ({"free": {"tau": "1kg:2kg"}}, "free: tau: 'kg' does not convert to its unit, s"),
+        ({"outputs": {"z": "y"}}, "outputs: FirstOrderLag has no variable 'z'"),
+        ({"outputs": {"y": "meter"}}, "there is no column 'meter' for y"),
+        ({"inputs": {"v": "u"}}, "inputs: FirstOrderLag has no input 'v'"),
+        ({"biases": ["x"]}, "'x' is not among the measured outputs"),
+        ({"initial": "free", "states": {"x": (0, 1)}}, "leave one out"),
+        ({"loss": "l1"}, "loss 'l1' is unknown"),
+    ],
+)
+def test_bad_input_is_said_in_a_line(changes: dict[str, Any], words: str) -> None:
+    asked = {"free": {"tau": (0.1, 10.0)}, **changes}
+    with wb.load("fmu:FirstOrderLag") as model, pytest.raises(InputError) as told:
+        wb.calibrate(model, record(noisy()), in_process=True, **asked)
+    assert words in str(told.value)
+    assert "\n" not in str(told.value)
+
+
+def test_data_that_do_not_fit_are_refused() -> None:
+    with wb.load("fmu:FirstOrderLag") as model:
+        for data, words in (
+            (record(noisy(), input_units=["m"], output_units=["kg"]), "is needed in"),
+            (wb.make_experiment(DT, U, U, input_names=["a"], output_names=["b"]), "no column is an output of"),
+        ):
+            with pytest.raises(InputError, match=words):
+                wb.calibrate(model, data, free={"tau": (0.1, 10.0)}, in_process=True)
+        nothing = wb.Experiment(
+            DT * np.arange(3), np.zeros((3, 1)), np.full((3, 1), np.nan), ("u",), ("y",), (None,), (None,), "empty"
+        )
+        with pytest.raises(InputError, match="empty: output 'y' has no samples"):
+            wb.calibrate(model, nothing, free={"tau": (0.1, 10.0)}, in_process=True)
+
+
+def test_a_model_that_runs_nowhere_says_why() -> None:
+    with wb.load("fmu:Duffing", start_values={"stiffness": -1.0, "cubic": -1.0}) as model:
+        data = record(100.0 * noisy(), 1e3 * U)
+        with pytest.raises(SimulationError, match="cannot be run at the start values"):
+            wb.calibrate(model, data, free={"stiffness": (-2.0, -0.5)}, in_process=True)
+
+
+def test_the_command_its_files_and_its_record(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out.json"
+    for number in (1, 2, 3):
+        record(noisy(number)).to_csv(tmp_path / f"rig{number}.csv")
+    files = [str(tmp_path / f"rig{number}.csv") for number in (1, 2)]
+    line = ["calibrate", "fmu:FirstOrderLag", *files, "--free", "tau=100ms:10s", "--jobs", "1"]
+    also = ["--validate", str(tmp_path / "rig3.csv"), "--plot", str(tmp_path / "rig.png"), "--csv", "-"]
+    assert run([*line, *also, "--json", str(out), "--report", str(tmp_path / "rig.html")]) == 0
+    assert "tau,s,1.0," in capsys.readouterr().out
+    data = json.loads(out.read_text(encoding="utf-8"))
+    wanted = {
+        "parameters", "correlation", "not_identifiable", "fit_percent", "validation", "residuals", "runs", "reason",
+        "operating_point",
+    }  # fmt: skip
+    assert wanted <= data.keys()
+    assert {"name", "unit", "start", "value", "std_error", "low", "high", "at_bound", "identifiable"} <= data[
+        "parameters"
+    ][0].keys()
+    assert data["set"]["tau"] == pytest.approx(TAU, rel=0.1)
+    assert data["validation_fit_percent"]["y"] > 80.0
+    again = wb.CalibrateResult.from_dict(data)
+    assert again.parameters[0].value == data["parameters"][0]["value"]
+    assert (tmp_path / "rig.png").stat().st_size > 10000
+    for wrong, words in ((line[:2] + ["--free", "tau"], "--data is missing"), (line[:4], "Missing option '--free'")):
+        assert run(wrong) == 2
+        assert words in capsys.readouterr().err
+
+
+def test_a_study_calibrates(tmp_path: Path) -> None:
+    (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
+    assert run(["run", str(tmp_path / "study.toml"), "--no-store", "--jobs", "1"]) == 0
+
+
+STUDY = """
+name = "rig"
+
+[models]
+rig = {model = "fmu:FirstOrderLag", set = {tau = 0.6}}
+lag = "fmu:FirstOrderLag"
+
+[analyses.record]
+command = "excite"
+model = "rig"
+input = "u"
+output = "y"
+prbs = {amplitude = 1}
+step = 0.1
+samples = 200
+
+[analyses.parameters]
+command = "calibrate"
+model = "lag"
+data = {from = "record", as = "csv"}
+free = {tau = "0.1:10"}
+
+[[requirements]]
+name = "time constant"
+analysis = "parameters"
+kind = "value"
+path = "set.tau"
+min = 0.59
+max = 0.61
+"""
