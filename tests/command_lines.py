@@ -105,6 +105,7 @@ LINES = {
     "check": (f"check {LAG_FMU} --interface me --only runs,reset", "checks"),
     "excite": (f"excite {LAG_FMU} --input u --output y --prbs amplitude=1,rate=2 --step 0.05 --in-process", "files"),
     "identify": ("identify data.csv --input u --output y --order 1", ""),
+    "calibrate": (f"calibrate {LAG_FMU} data.csv --free tau=0.01:10 --in-process", ""),
     "onset": ("onset system:pitch_rate_limit --input stick --limiter limiter --amplitude 0.1,1.1", ""),
     "bla": (f"bla {LAG_FMU} --input u --output y --rms 1,2 --band 0.1:1 --realisations 2", "words"),
     "fit": ("identify response.csv --max-order 4", ""),

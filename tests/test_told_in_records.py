@@ -41,6 +41,7 @@ ARGUMENTS = {
     "lin --compare": f"{LAG_FMU} --compare --freq 0.1",
     "lin --interface cs": f"{LAG_FMU} --interface cs --step 0.01 --period 0.05 --points 40",
     "modes": f"{LAG_FMU} --vary u=0.5:2 --points 3",
+    "calibrate": f"{LAG_FMU} data.csv --free x --input u --output y",
     "onset": "limited.toml --input stick --limiter limiter --amplitude 0.1,1.1 --band 0.05:0.5",
 }
 ARITHMETIC = "the FMU changed the arithmetic of its process"
@@ -61,6 +62,7 @@ def words_of(folder: Path, what: str, way: str, call: str) -> list[str]:
     for name, text in {**systems, "limited": RATE_LIMITED}.items():
         bad = text.replace(LAG_FMU, made.name).replace('"lag.tau" = {range', '"lag.u" = {range')
         (folder / f"{name}.toml").write_text(bad, encoding="utf-8")
+    (folder / "data.csv").write_text("time,u,y\n0,1,0\n0.1,1,1\n0.2,0,0\n0.3,1,2\n", encoding="utf-8")
     line = ARGUMENTS[what].replace(LAG_FMU, made.name).replace(" --in-process", "")
     name = what.split(maxsplit=1)[0]
     return [request_of(name).command, *line.split()]
