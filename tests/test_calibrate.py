@@ -17,6 +17,7 @@ from scripts.promises.calibrate import CASES, UNSEEN, PlantedCase
 from scripts.promises.calibrate import played as computed
 from workbench.cli.app import run
 from workbench.core.values.arrays import Floats
+from workbench.data.excite.signals import parse_design
 from workbench.errors import InputError, SimulationError
 from workbench.identification.calibrate.noise import LOSSES, Noise, Segments, estimated
 
@@ -33,7 +34,7 @@ def lag(tau: float, u: Floats = U, x0: float = 0.0) -> Floats:
     return np.array(x)
 
 
-def record(y: Floats, u: Floats = U, **options: Any) -> wb.Experiment:
+def record(y: Floats, u: Floats = U, **options: Any) -> wb.Experiment:  # noqa: ANN401
     return wb.make_experiment(DT, u, y, input_names=["u"], output_names=["y"], **options)
 
 
@@ -41,7 +42,7 @@ def noisy(seed: int = 3, sigma: float = SIGMA) -> Floats:
     return lag(TAU) + np.random.default_rng(seed).normal(0.0, sigma, len(U))
 
 
-def calibrated(data: Any, free: Any = None, model: str = "fmu:FirstOrderLag", **options: Any) -> wb.CalibrateResult:
+def calibrated(data: Any, free: Any = None, model: str = "fmu:FirstOrderLag", **options: Any) -> wb.CalibrateResult:  # noqa: ANN401
     loading = options.pop("loading", {})
     with wb.load(model, tolerance=1e-9, **loading) as opened:
         return wb.calibrate(opened, data, free=free or {"tau": (0.1, 10.0)}, in_process=True, **options)
@@ -242,6 +243,28 @@ def test_runs_that_fail_count_as_infinitely_bad() -> None:
     assert found["damper.d"].value == pytest.approx(20.0, rel=0.05)
 
 
+def test_the_next_experiment_narrows_the_region_as_predicted() -> None:
+    """The region of both records together beside the prediction from the first; no other signal is better."""
+    first = record(noisy())
+    found = calibrated(first, noise="white", next_inputs={"u": 1.0})
+    asked = found.next_experiment
+    assert asked is not None
+    design = parse_design("prbs", asked.signal.removeprefix("--prbs "))
+    values = design.sequences(1, dt=DT, samples=len(U), validation=0).identification.values[: len(U), 0]
+    u = U.mean() + values
+    second = record(lag(TAU, u) + np.random.default_rng(8).normal(0.0, SIGMA, len(u)), u)
+    both = calibrated([first, second], noise="white")["tau"]
+    before = found["tau"].std_error
+    assert before is not None
+    assert both.std_error is not None
+    assert both.std_error / before == pytest.approx(asked.narrower["tau"], rel=0.25)
+    best = max(one.criterion or -math.inf for one in asked.tried)
+    assert next(one.criterion for one in asked.tried if one.signal == asked.signal) == best
+    slow = calibrated(first, noise="white", next_inputs={"u": 1.0}, next_rate={"u": 5.0}).next_experiment
+    assert slow is not None
+    assert "--multisine" in slow.signal
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -311,7 +334,7 @@ def test_the_command_its_files_and_its_record(tmp_path: Path, capsys: pytest.Cap
     again = wb.CalibrateResult.from_dict(data)
     assert again.parameters[0].value == data["parameters"][0]["value"]
     assert (tmp_path / "rig.png").stat().st_size > 10000
-    for wrong, words in ((line[:2] + ["--free", "tau"], "--data is missing"), (line[:4], "Missing option '--free'")):
+    for wrong, words in (([*line[:2], "--free", "tau"], "--data is missing"), (line[:4], "Missing option '--free'")):
         assert run(wrong) == 2
         assert words in capsys.readouterr().err
 

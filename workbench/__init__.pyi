@@ -63,8 +63,10 @@ from workbench.identification.calibrate.result import CalibratedParameter as Cal
 from workbench.identification.calibrate.result import CalibrateResult as CalibrateResult
 from workbench.identification.calibrate.result import ChiSquared as ChiSquared
 from workbench.identification.calibrate.result import DataFit as DataFit
+from workbench.identification.calibrate.result import NextExperiment as NextExperiment
 from workbench.identification.calibrate.result import OutputNoise as OutputNoise
 from workbench.identification.calibrate.result import ParameterProfile as ParameterProfile
+from workbench.identification.calibrate.result import TriedSignal as TriedSignal
 from workbench.identification.fit.request import fit as fit
 from workbench.identification.fit.result import FitResult as FitResult
 from workbench.identification.identified.model import IdentifiedModel as IdentifiedModel

@@ -1,7 +1,7 @@
 """Calibrate models whose parameters are known, from data with noise, and count what the regions hold.
 
-Each case is a model with planted parameters, played with a random staircase or a step; noise of 5 % of the output, white
-or AR(1), is drawn anew for each trial. Counted are how often the 95 % regions hold the planted values, the median error
+Each case is a model with planted parameters, played with a random staircase or a step; noise of 5 % of the output,
+white or AR(1), is drawn anew for each trial. Counted: how often the 95 % regions hold the planted values, the median error
 beside the Cramér-Rao bound (of the true model and noise, by differences of plain simulations), parameters that were
 called unidentifiable in cases where all can be known, and those named where some cannot.
 """
@@ -91,10 +91,13 @@ CASES: Mapping[str, PlantedCase] = {
     "rudder, oil": PlantedCase(
         model="fmu:Rudder", truth={"beta": 6e8, "tauCurrent": 0.02}, **_RUDDER, limits={"beta": (1e8, 1e10)}
     ),
-    "rudder, a step": PlantedCase(model="fmu:Rudder", truth={"loopGain": 0.45, "tauCurrent": 0.02}, step=True, **_RUDDER),
+    "rudder, a step": PlantedCase(
+        model="fmu:Rudder", truth={"loopGain": 0.45, "tauCurrent": 0.02}, step=True, **_RUDDER
+    ),
     "rudder, valve": PlantedCase(model="fmu:Rudder", truth={"cD": 0.7, "loopGain": 0.5}, **_RUDDER),
     "mass damper": PlantedCase(
-        model="gemseo:Mass_Damper", truth={"mass.m": 1.3, "damper.d": 30.0, "spring.c": 9000.0}, **{**_DAMPER, "dt": 0.01}
+        model="gemseo:Mass_Damper", truth={"mass.m": 1.3, "damper.d": 30.0, "spring.c": 9000.0},
+        **{**_DAMPER, "dt": 0.01},
     ),
     "mass damper, cs": PlantedCase(
         model="gemseo:Mass_Damper@@cs", truth={"damper.d": 20.0, "spring.c": 12000.0}, **_DAMPER
@@ -112,7 +115,8 @@ CASES: Mapping[str, PlantedCase] = {
         dt=0.05,
     ),
     "aileron damper": PlantedCase(
-        model="fmu:AileronDamper", truth={"alpha2": 6000.0}, input="rate", output="moment", limits={"alpha2": (1e3, 1e5)}
+        model="fmu:AileronDamper", truth={"alpha2": 6000.0}, input="rate", output="moment",
+        limits={"alpha2": (1e3, 1e5)},
     ),
     "two FMUs": PlantedCase(
         model="system:rudder_loop", truth={"gain.gain": 1.7, "plant.tauSpool": 0.009}, input="reference",

@@ -31,6 +31,7 @@ def calibrate_page(result: CalibrateResult) -> Page:
             Section("Data and model", items=[line for one in result.data for line in one.words],
                     figures=[(result.plot, words)]),
             *_validation(result),
+            *_next(result),
         ],
         summary=_verdicts(result),
         notes=result.notes,
@@ -109,3 +110,8 @@ def _noise(one: OutputNoise, result: CalibrateResult) -> str:
 def _validation(result: CalibrateResult) -> list[Section]:
     lines = [f"{one.name}: {line}" for one in result.validation for line in one.words]
     return [Section("Other data", items=lines)] if lines else []
+
+
+def _next(result: CalibrateResult) -> list[Section]:
+    asked = result.next_experiment
+    return [] if asked is None else [Section("Next experiment", items=asked.words)]

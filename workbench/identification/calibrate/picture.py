@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["plot_calibration"]
 
+_DARK = 0.7  # correlation: from here on its colour is dark
 _MOST = 6  # data sets and outputs that are drawn
 
 
@@ -61,8 +62,7 @@ def _region(ax: Axes, p: CalibratedParameter) -> None:
     """Draw the parabola of the covariance, the profile where it was followed, and the region."""
     low, high = float(p.low or 0.0), float(p.high or 0.0)
     if p.std_error:
-        half = 0.5 * (high - low)
-        fine = np.linspace(p.value - 1.3 * half, p.value + 1.3 * half, 200)
+        fine = np.linspace(p.value - 1.3 * (p.value - low), p.value + 1.3 * (high - p.value), 200)
         side = np.where(fine < p.value, p.value - low, high - p.value)
         ax.plot(
             fine, ((fine - p.value) / np.maximum(side, 1e-300)) ** 2, color="#888888", linewidth=1.0, label="region"
@@ -85,7 +85,8 @@ def _correlation(ax: Axes, result: CalibrateResult) -> None:
     ax.grid(visible=False)
     for i, row in enumerate(result.correlation):
         for k, x in enumerate(row):
-            ax.text(k, i, "–" if np.isnan(x) else f"{x:.2f}", ha="center", va="center", fontsize=8.0)
+            ax.text(k, i, "–" if np.isnan(x) else f"{x:.2f}", ha="center", va="center", fontsize=8.0,
+                    color="white" if abs(x) > _DARK else "black")  # fmt: skip
     ax.set_xticks(range(len(names)), names, rotation=30, ha="right")
     ax.set_yticks(range(len(names)), names)
     ax.set_title("correlation", loc="left")

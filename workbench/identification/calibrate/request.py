@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["Calibrate", "calibrate"]
 
 _OPEN = (-math.inf, math.inf)
+_NEXT = "Next experiment"
 
 
 def _named(texts: Sequence[str]) -> dict[str, str]:
@@ -217,6 +218,31 @@ class Calibrate(AtPoint, InWorkers, ModelRequest["CalibrateResult"]):
         "Number of further searches, from a Sobol' sequence within the limits.", metavar="N", least=0, default=0
     )
     profile: bool = option("Follow the likelihood to the ends of each parameter's region.", default=False)
+    next_inputs: Values | None = option(
+        "Input of a further experiment, with its amplitude: the signal is found that narrows the regions most.",
+        flag="--next",
+        of=EACH,
+        change=True,
+        metavar="U=AMPLITUDE",
+        default=None,
+        group=_NEXT,
+    )
+    next_samples: int | None = option(
+        "Length of that experiment; by default that of the first data.",
+        metavar="N",
+        least=16,
+        default=None,
+        group=_NEXT,
+    )
+    next_rate: Values | None = option(
+        "Largest rate of such an input, in its unit per second.", metavar="U=RATE", default=None, group=_NEXT
+    )
+    next_criterion: str = option(
+        "What is made small: D (volume of all regions) or A (sum of their squares).",
+        choices=("D", "A"),
+        default="D",
+        group=_NEXT,
+    )
     max_runs: int = option("Largest number of runs of the model in the search.", metavar="N", least=1, default=5000)
 
     def __post_init__(self) -> None:

@@ -14,7 +14,16 @@ from workbench.core.values.operating_point import OperatingPoint
 from workbench.identification.validate.residuals import Autocorrelation, CrossCorrelation, OutputFit, fit_of
 from workbench.show.result import Result
 
-__all__ = ["CalibrateResult", "CalibratedParameter", "ChiSquared", "DataFit", "OutputNoise", "ParameterProfile"]
+__all__ = [
+    "CalibrateResult",
+    "CalibratedParameter",
+    "ChiSquared",
+    "DataFit",
+    "NextExperiment",
+    "OutputNoise",
+    "ParameterProfile",
+    "TriedSignal",
+]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -136,6 +145,49 @@ class ChiSquared(RecordPart):
     p_value: float
 
 
+@dataclass(frozen=True, kw_only=True)
+class TriedSignal(RecordPart):
+    """A signal that was considered.
+
+    Attributes:
+        signal: as `excite` takes it.
+        criterion: what is to be large; None: the model cannot be run with it.
+    """
+
+    signal: str
+    criterion: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class NextExperiment(RecordPart):
+    """The experiment that would narrow the regions most.
+
+    Attributes:
+        inputs: that are forced, about their means in the data.
+        signal: as `excite` takes it.
+        dt: sampling interval [s].
+        samples: how many.
+        criterion: "D" or "A".
+        narrower: parameter → standard error with the data and this experiment, over that with the data alone.
+        tried: all signals.
+    """
+
+    inputs: tuple[str, ...]
+    signal: str
+    dt: float
+    samples: int
+    criterion: str
+    narrower: dict[str, float]
+    tried: tuple[TriedSignal, ...]
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """The experiment, and what it would bring."""
+        shrink = ", ".join(f"{name} {100.0 * ratio:.0f} %" for name, ratio in self.narrower.items())
+        how = f"{self.signal} --step {self.dt:g} --samples {self.samples}"
+        return f"excite … --input {','.join(self.inputs)} {how}", f"standard errors with it, of those without: {shrink}"
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CalibrateResult(Result):
     """Parameters of a model from measured data.
@@ -154,6 +206,7 @@ class CalibrateResult(Result):
         failed_runs: how many of them failed.
         reason: why the search ended.
         converged: whether it came to its end.
+        next_experiment: None: it was not asked for.
         notes: what should be known, one line each.
         operating_point: where the first run began; None: not known.
     """
@@ -176,6 +229,7 @@ class CalibrateResult(Result):
     failed_runs: int
     reason: str
     converged: bool
+    next_experiment: NextExperiment | None = None
     notes: tuple[str, ...] = ()
     operating_point: OperatingPoint | None = None
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import cast
@@ -14,6 +14,7 @@ from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.identification.calibrate.data import measured, played
 from workbench.identification.calibrate.information import Information, Profile, bent, information, profile
+from workbench.identification.calibrate.next_experiment import next_experiment
 from workbench.identification.calibrate.noise import LOSSES, Noise, Segments
 from workbench.identification.calibrate.problem import Problem
 from workbench.identification.calibrate.quantities import Quantities, quantities_of
@@ -60,6 +61,9 @@ def run(model: Model, request: Calibrate, job: Job) -> CalibrateResult:
         result = _record(model, found, known, [*notes, *found_out, *found.notes])
         job.partial = lambda: result
         result = _looked_at(result, found, known, work)
+        if request.next_inputs:
+            job.say("signals for the next experiment")
+            result = replace(result, next_experiment=next_experiment(found, known, request, work.posed(found)))
         compared = work.compared(others, found) if others else ()
         runs = problem.runs
     return replace(result, validation=compared, runs=runs.count, failed_runs=runs.failed.total())
@@ -87,6 +91,10 @@ class _Work:
             loss=LOSSES[request.loss],
         )  # fmt: skip
         return made, [note for grid, _ in grids for note in grid.notes]
+
+    def posed(self, found: Found) -> Callable[[Experiment, Quantities], Problem]:
+        """Return the function that makes a problem of further data, with the noise that was found."""
+        return lambda data, quantities: self.problem([data], quantities, found.problem.noise)[0]
 
     def compared(self, others: Sequence[Experiment], found: Found) -> tuple[DataFit, ...]:
         """Return other data beside the estimate; what is free for each data set is as the model has it."""
