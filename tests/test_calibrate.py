@@ -339,6 +339,21 @@ def test_the_command_its_files_and_its_record(tmp_path: Path, capsys: pytest.Cap
         assert words in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("suffix", ["toml", "ssp"])
+def test_the_estimate_is_a_system_that_runs_as_the_model_does(tmp_path: Path, suffix: str) -> None:
+    out = tmp_path / f"calibrated.{suffix}"
+    found = calibrated(record(noisy()), out=out)
+    with wb.load(out) as model:
+        again = wb.simulate(
+            model, stop=DT * (len(U) - 1), inputs={"u": wb.Table(DT * np.arange(len(U)), U, "hold")}, outputs=["y"],
+            points=DT * np.arange(1, len(U)), in_process=True,
+        )  # fmt: skip
+    last = {round(t / DT): y for t, y in zip(again.time, again["y"], strict=True)}
+    np.testing.assert_allclose([last[k] for k in range(len(U))], lag(found["tau"].value), atol=1e-5)
+    with wb.load("fmu:FirstOrderLag") as model, pytest.raises(InputError, match=r"out: x\.fmu is neither"):
+        wb.calibrate(model, record(noisy()), free={"tau": None}, out="x.fmu", in_process=True)
+
+
 def test_a_study_calibrates(tmp_path: Path) -> None:
     (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
     assert run(["run", str(tmp_path / "study.toml"), "--no-store", "--jobs", "1"]) == 0

@@ -1,9 +1,9 @@
 """Calibrate models whose parameters are known, from data with noise, and count what the regions hold.
 
 Each case is a model with planted parameters, played with a random staircase or a step; noise of 5 % of the output,
-white or AR(1), is drawn anew for each trial. Counted: how often the 95 % regions hold the planted values, the median error
-beside the Cramér-Rao bound (of the true model and noise, by differences of plain simulations), parameters that were
-called unidentifiable in cases where all can be known, and those named where some cannot.
+white or AR(1), is drawn anew for each trial. Counted: how often the 95 % regions hold the planted values, the median
+error beside the Cramér-Rao bound (of the true model and noise, by differences of plain simulations), parameters that
+were called unidentifiable in cases where all can be known, and those named where some cannot.
 """
 
 from __future__ import annotations

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from workbench.core.records.forms import FILES, ONE, File, Form, Layout, Limits, Names, Values, table
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["Calibrate", "calibrate"]
 
 _OPEN = (-math.inf, math.inf)
+_WRITTEN = (".toml", ".ssp")
 _NEXT = "Next experiment"
 
 
@@ -243,12 +245,17 @@ class Calibrate(AtPoint, InWorkers, ModelRequest["CalibrateResult"]):
         default="D",
         group=_NEXT,
     )
+    out: File | None = option(
+        "Write a system file, .toml or .ssp, of the model with the estimate; build makes an FMU of it.", default=None
+    )
     max_runs: int = option("Largest number of runs of the model in the search.", metavar="N", least=1, default=5000)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.free:
             raise InputError("free: name a parameter to estimate")
+        if self.out is not None and Path(self.out).suffix.lower() not in _WRITTEN:
+            raise InputError(f"out: {self.out} is neither .toml nor .ssp; workbench build makes an FMU of such a file")
         if self.states and self.initial != "model":
             raise InputError(f"states: initial is {self.initial}, which says where all states start; leave one out")
 

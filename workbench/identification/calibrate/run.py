@@ -12,6 +12,7 @@ from scipy.special import chdtrc
 
 from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
+from workbench.identification.calibrate.calibrated import write_calibrated
 from workbench.identification.calibrate.data import measured, played
 from workbench.identification.calibrate.information import Information, Profile, bent, information, profile
 from workbench.identification.calibrate.next_experiment import next_experiment
@@ -66,6 +67,8 @@ def run(model: Model, request: Calibrate, job: Job) -> CalibrateResult:
             result = replace(result, next_experiment=next_experiment(found, known, request, work.posed(found)))
         compared = work.compared(others, found) if others else ()
         runs = problem.runs
+    if request.out is not None:
+        write_calibrated(model, result.values, Path(request.out))
     return replace(result, validation=compared, runs=runs.count, failed_runs=runs.failed.total())
 
 
