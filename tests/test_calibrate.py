@@ -19,7 +19,7 @@ from workbench.cli.app import run
 from workbench.core.values.arrays import Floats
 from workbench.data.excite.signals import parse_design
 from workbench.errors import InputError, SimulationError
-from workbench.identification.calibrate.noise import LOSSES, Noise, Segments, estimated
+from workbench.identification.calibrate.noise import LOSSES, ColouredNoise, Segments, estimated
 
 DT, TAU = 0.1, 0.6
 U = np.repeat(np.random.default_rng(2).uniform(-1.0, 1.0, 20), 10)
@@ -53,7 +53,7 @@ def test_estimate_and_error_are_those_of_the_closed_form() -> None:
     found = calibrated(record(y), noise="white")
     least = least_squares(lambda q: y - lag(math.exp(q[0])), [0.0], x_scale="jac", xtol=1e-12, ftol=1e-12)
     tau = math.exp(least.x[0])
-    p = found["tau"]
+    p = found.of("tau")
     assert p.value == pytest.approx(tau, rel=1e-4 * SIGMA)
     size = math.sqrt(2.0 * least.cost / (len(y) - 1))
     assert p.std_error == pytest.approx(tau * size / float(np.linalg.norm(least.jac)), rel=1e-4)
@@ -70,7 +70,7 @@ def test_estimate_and_error_are_those_of_the_closed_form() -> None:
 
 def test_profile_is_that_of_the_closed_form() -> None:
     y = noisy(sigma=0.3)
-    p = calibrated(record(y), noise="white", profile=True)["tau"]
+    p = calibrated(record(y), noise="white", profile=True).of("tau")
     cost = [float(np.sum((y - lag(tau)) ** 2)) for tau in (p.value, p.low or 0.0, p.high or 0.0)]
     quantile = 1.9719565  # of Student's t with 199 degrees of freedom, 97.5 %
     for end in cost[1:]:
@@ -93,7 +93,7 @@ def test_whitening_is_the_inverse_root_of_the_covariance_also_over_gaps() -> Non
     y[5] = np.nan
     data = wb.Experiment(np.arange(12.0), np.zeros((12, 0)), y[:, None], (), ("y",), (), (None,), "gaps")
     segments = Segments([data])
-    W = Noise({"y": 2.0}, {"y": colour}).whitened([np.eye(12)[:, None, :]], segments)
+    W = ColouredNoise({"y": 2.0}, {"y": colour}).whitened([np.eye(12)[:, None, :]], segments)
     covariance = 4.0 * np.array([[gamma[abs(i - k)] for k in range(12)] for i in range(12)])
     covariance[:5, 6:] = covariance[6:, :5] = 0.0  # pieces are taken as independent
     kept = np.arange(12) != 5
@@ -131,7 +131,7 @@ def test_losses_have_the_derivatives_that_they_state(name: str) -> None:
 def test_outliers_hardly_count_with_a_robust_loss() -> None:
     y = noisy()
     y[::17] += 2.0
-    plain, robust = (calibrated(record(y), loss=loss, noise="white")["tau"] for loss in ("gauss", "student"))
+    plain, robust = (calibrated(record(y), loss=loss, noise="white").of("tau") for loss in ("gauss", "student"))
     assert abs(robust.value - TAU) < 0.5 * abs(plain.value - TAU)
     assert robust.std_error is not None
     assert abs(robust.value - TAU) < 4.0 * robust.std_error
@@ -161,10 +161,10 @@ def test_several_files_missing_samples_sensors_and_delays(tmp_path: Path) -> Non
     )  # fmt: skip
     truth = {"tau": TAU, "bias of y": 0.3, "scale of y": 1.2}
     for name, value in truth.items():
-        p = found[name]
+        p = found.of(name)
         assert p.std_error is not None
         assert abs(p.value - value) < 4.0 * p.std_error + 1e-6
-    assert found["tau"].std_error == pytest.approx(5e-5, rel=1.0)
+    assert found.of("tau").std_error == pytest.approx(5e-5, rel=1.0)
     assert len(found.data) == 2
     assert np.isnan(found.data[0].measured).any()
 
@@ -174,7 +174,7 @@ def test_initial_values_free_or_at_rest() -> None:
     free = calibrated(record(y), initial="free", noise="white")
     state = next(p for p in free.parameters if p.kind == "state")
     assert state.value == pytest.approx(0.7, abs=4e-3)
-    assert free["tau"].value == pytest.approx(TAU, rel=0.01)
+    assert free.of("tau").value == pytest.approx(TAU, rel=0.01)
     bounded = calibrated(record(y), states={"x": (0.0, 0.5)}, noise="white")
     held = next(p for p in bounded.parameters if p.kind == "state")
     assert held.at_bound
@@ -182,7 +182,7 @@ def test_initial_values_free_or_at_rest() -> None:
     assert any("held by its limit" in note for note in bounded.notes)
     begins = lag(TAU, x0=float(U[0])) + np.random.default_rng(6).normal(0.0, 1e-3, len(U))
     rest = calibrated(record(begins), initial="rest", noise="white")
-    assert rest["tau"].value == pytest.approx(TAU, rel=0.01)
+    assert rest.of("tau").value == pytest.approx(TAU, rel=0.01)
     assert rest.operating_point is not None
     assert rest.operating_point.x["x"] == pytest.approx(U[0])
 
@@ -220,16 +220,16 @@ def test_a_product_of_two_gains_is_all_that_is_seen() -> None:
         found = wb.calibrate(system, record(4.0 * noisy()), free=free, in_process=True)
     assert len(found.not_identifiable) == 1
     assert "only a.gain·b.gain is seen" in found.not_identifiable[0]
-    assert not found["a.gain"].identifiable
-    assert found["a.gain"].value * found["b.gain"].value == pytest.approx(4.0, rel=0.05)
-    assert found["lag.tau"].identifiable
+    assert not found.of("a.gain").identifiable
+    assert found.of("a.gain").value * found.of("b.gain").value == pytest.approx(4.0, rel=0.05)
+    assert found.of("lag.tau").identifiable
 
 
 def test_a_limit_that_is_hit_and_an_input_that_does_not_move() -> None:
     found = calibrated(record(noisy()), {"tau": (0.8, 10.0)})
-    assert found["tau"].at_bound
-    assert found["tau"].value == pytest.approx(0.8, rel=1e-3)
-    assert found["tau"].low is None
+    assert found.of("tau").at_bound
+    assert found.of("tau").value == pytest.approx(0.8, rel=1e-3)
+    assert found.of("tau").low is None
     still = calibrated(record(0.001 * noisy(), 0.0 * U))
     assert any("input 'u' does not move in the data" in note for note in still.notes)
     assert still.not_identifiable == ("tau: does not act on what was measured",)
@@ -240,7 +240,7 @@ def test_runs_that_fail_count_as_infinitely_bad() -> None:
     case = CASES["mass damper, cs"]
     pytest.importorskip("gemseo_fmu")
     found = _of_case(case, computed(case), noise=0.01)
-    assert found["damper.d"].value == pytest.approx(20.0, rel=0.05)
+    assert found.of("damper.d").value == pytest.approx(20.0, rel=0.05)
 
 
 def test_the_next_experiment_narrows_the_region_as_predicted() -> None:
@@ -253,8 +253,8 @@ def test_the_next_experiment_narrows_the_region_as_predicted() -> None:
     values = design.sequences(1, dt=DT, samples=len(U), validation=0).identification.values[: len(U), 0]
     u = U.mean() + values
     second = record(lag(TAU, u) + np.random.default_rng(8).normal(0.0, SIGMA, len(u)), u)
-    both = calibrated([first, second], noise="white")["tau"]
-    before = found["tau"].std_error
+    both = calibrated([first, second], noise="white").of("tau")
+    before = found.of("tau").std_error
     assert before is not None
     assert both.std_error is not None
     assert both.std_error / before == pytest.approx(asked.narrower["tau"], rel=0.25)
@@ -298,7 +298,14 @@ def test_data_that_do_not_fit_are_refused() -> None:
             with pytest.raises(InputError, match=words):
                 wb.calibrate(model, data, free={"tau": (0.1, 10.0)}, in_process=True)
         nothing = wb.Experiment(
-            DT * np.arange(3), np.zeros((3, 1)), np.full((3, 1), np.nan), ("u",), ("y",), (None,), (None,), "empty"
+            np.array([0.0, DT, 2.0 * DT]),
+            np.zeros((3, 1)),
+            np.full((3, 1), np.nan),
+            ("u",),
+            ("y",),
+            (None,),
+            (None,),
+            "empty",
         )
         with pytest.raises(InputError, match="empty: output 'y' has no samples"):
             wb.calibrate(model, nothing, free={"tau": (0.1, 10.0)}, in_process=True)
@@ -339,17 +346,40 @@ def test_the_command_its_files_and_its_record(tmp_path: Path, capsys: pytest.Cap
         assert words in capsys.readouterr().err
 
 
+def test_frequency_responses_are_data_too(tmp_path: Path) -> None:
+    """A table of 1/(τs + 1) with errors of 1 %, and sines at two amplitudes of a stiffening spring."""
+    f = np.geomspace(0.02, 2.0, 15)
+    value = 1.0 / (2j * np.pi * f * TAU + 1.0)
+    scatter = np.random.default_rng(9).normal(0.0, 0.01 / 1.73, (2, len(f)))
+    value = value * (1.0 + scatter[0] + 1j * scatter[1])
+    rows = np.column_stack([f, np.abs(value), np.degrees(np.angle(value)), np.full(len(f), 0.01)])
+    head = "frequency,gain y/u,phase y/u,error y/u"
+    np.savetxt(tmp_path / "rig.csv", rows, delimiter=",", header=head, comments="")
+    p = calibrated(tmp_path / "rig.csv").of("tau")
+    s = 2.0 * np.pi * f * TAU
+    information = np.sum((s / np.sqrt(1.0 + s**2) * 1.73 / 0.01) ** 2)  # of ln τ: d ln G/d ln τ = −jωτ/(1 + jωτ)
+    assert p.std_error is not None
+    assert p.std_error / TAU == pytest.approx(1.0 / math.sqrt(information), rel=0.4)
+    assert abs(p.value - TAU) < 4.0 * p.std_error
+    with wb.load("fmu:Duffing", tolerance=1e-9, start_values={"cubic": 0.7}) as model:
+        sines = wb.nfr(model, "u", "y", [0.05, 0.1], [0.2, 0.5], in_process=True, drift_check=False)
+    found = calibrated(sines, {"cubic": None}, model="fmu:Duffing")
+    assert found.of("cubic").value == pytest.approx(0.7, rel=1e-3)
+    assert [one.of_response for one in found.data] == [True, True]
+
+
 @pytest.mark.parametrize("suffix", ["toml", "ssp"])
 def test_the_estimate_is_a_system_that_runs_as_the_model_does(tmp_path: Path, suffix: str) -> None:
     out = tmp_path / f"calibrated.{suffix}"
     found = calibrated(record(noisy()), out=out)
+    times = (DT * np.arange(len(U))).tolist()
     with wb.load(out) as model:
         again = wb.simulate(
-            model, stop=DT * (len(U) - 1), inputs={"u": wb.Table(DT * np.arange(len(U)), U, "hold")}, outputs=["y"],
-            points=DT * np.arange(1, len(U)), in_process=True,
+            model, stop=times[-1], inputs={"u": wb.Table(times, U.tolist(), "hold")}, outputs=["y"], points=times[1:],
+            in_process=True,
         )  # fmt: skip
     last = {round(t / DT): y for t, y in zip(again.time, again["y"], strict=True)}
-    np.testing.assert_allclose([last[k] for k in range(len(U))], lag(found["tau"].value), atol=1e-5)
+    np.testing.assert_allclose([last[k] for k in range(len(U))], lag(found.of("tau").value), atol=1e-5)
     with wb.load("fmu:FirstOrderLag") as model, pytest.raises(InputError, match=r"out: x\.fmu is neither"):
         wb.calibrate(model, record(noisy()), free={"tau": None}, out="x.fmu", in_process=True)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import shlex
 from collections.abc import Callable
@@ -60,6 +61,8 @@ VALUES: dict[str, Callable[[random.Random], Any]] = {
     "NAME,..": lambda c: c.sample(NAMES, 2),
     "[NAME=]WIDTH": lambda c: c.choice([number(c), [number(c), number(c)], {"x": number(c)}]),
     "NAME=LO:HI": named(rising),
+    "NAME[=LO:HI]": lambda c: {"u": rising(c), "plant.y[2]": (-math.inf, math.inf)},
+    "NAME[=COLUMN]": lambda c: {name: name if c.random() < 0.5 else "col" for name in NAMES[:2]},
     "NAME=A,B,..": named(lambda c: [number(c), number(c)]),
     "NAME=VALUE": named(number),
     "NAME=VALUE,..": lambda c: [named(number)(c), {"on": True, "mode": "fast", "n": 3}],

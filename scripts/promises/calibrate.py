@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.signal import lfilter
@@ -72,9 +73,9 @@ class PlantedCase:
         return np.asarray(self.middle + self.amplitude * np.repeat(levels, 10)[: self.samples])
 
 
-_RUDDER = {"input": "delC", "output": "del", "amplitude": 2.0, "dt": 0.004}
-_DAMPER = {"input": "f", "output": "y", "amplitude": 50.0, "dt": 0.002}
-_ELEVATOR = {"input": "side_stick", "output": "elevator", "amplitude": 0.9, "dt": 0.022}
+_RUDDER: dict[str, Any] = {"input": "delC", "output": "del", "amplitude": 2.0, "dt": 0.004}
+_DAMPER: dict[str, Any] = {"input": "f", "output": "y", "amplitude": 50.0, "dt": 0.002}
+_ELEVATOR: dict[str, Any] = {"input": "side_stick", "output": "elevator", "amplitude": 0.9, "dt": 0.022}
 
 CASES: Mapping[str, PlantedCase] = {
     "lag": PlantedCase(model="fmu:FirstOrderLag", truth={"tau": 0.6}, limits={"tau": (0.1, 10.0)}),

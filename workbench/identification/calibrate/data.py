@@ -13,6 +13,7 @@ from workbench.data.excite.recording import Sampling
 from workbench.data.experiment.experiment import Experiment, read_signals
 from workbench.errors import InputError, suggest
 from workbench.identification.calibrate.request import Calibrate
+from workbench.identification.calibrate.responses import is_measured_response, responses
 from workbench.model import Model
 from workbench.model.names import check_variables, declared_units, forced_inputs, variables_of
 from workbench.signals.kinds import Signal, Table
@@ -34,8 +35,14 @@ def measured(model: Model, given: Sequence[Experiment | str | Path], request: Ca
     Raises:
         InputError: it cannot be read, names a variable that is not there, or has nothing to compare or in another unit.
     """
-    known = [one if isinstance(one, Experiment) else read_signals(one, dt=request.dt) for one in given]
-    return tuple(_of_model(model, one, request) for one in known)
+    result: list[Experiment] = []
+    for one in given:
+        if is_measured_response(one):
+            result += responses(model, one, Path(one).name if isinstance(one, str | Path) else "response")
+        else:
+            known = one if isinstance(one, Experiment) else read_signals(one, dt=request.dt)
+            result.append(_of_model(model, known, request))
+    return tuple(result)
 
 
 def _of_model(model: Model, data: Experiment, request: Calibrate) -> Experiment:

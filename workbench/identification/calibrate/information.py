@@ -13,8 +13,8 @@ from scipy.special import stdtrit
 
 from workbench.core.values.arrays import Floats
 from workbench.identification.calibrate.problem import Flags
-from workbench.identification.calibrate.quantities import Quantities, Quantity
-from workbench.identification.calibrate.search import Found
+from workbench.identification.calibrate.quantities import FreeValue, FreeValues
+from workbench.identification.calibrate.search import Estimate
 
 __all__ = ["Information", "information", "profile"]
 
@@ -62,7 +62,7 @@ class Information:
             return np.asarray(self.covariance / np.outer(self.errors, self.errors))
 
 
-def information(found: Found) -> Information:
+def information(found: Estimate) -> Information:
     """Return what the data say at an estimate.
 
     A direction whose singular value is below the error of the derivatives does not act at all; one along which the
@@ -113,7 +113,7 @@ def _sparse(null: Floats) -> Floats:
     return np.asarray(result / np.max(np.abs(result), axis=1, keepdims=True))
 
 
-def _words(v: Floats, quantities: Quantities, z: Floats, half: float) -> str:
+def _words(v: Floats, quantities: FreeValues, z: Floats, half: float) -> str:
     """Return a direction in words."""
     named = [int(k) for k in np.flatnonzero(np.abs(v) > _PART)]
     names = [quantities[k].name for k in named]
@@ -130,7 +130,7 @@ def _words(v: Floats, quantities: Quantities, z: Floats, half: float) -> str:
     return f"{', '.join(names[:-1])} and {names[-1]} trade off: together by {parts} they are not seen{far}"
 
 
-def _percent(half: float, quantities: Sequence[Quantity]) -> str:
+def _percent(half: float, quantities: Sequence[FreeValue]) -> str:
     if all(q.log for q in quantities):
         return f"{100.0 * math.expm1(min(half, 20.0)):.0f} %"
     return f"{100.0 * half:.0f} % of their size" if len(quantities) > 1 else f"{100.0 * half:.0f} % of its size"
@@ -152,7 +152,7 @@ def _power(power: float) -> str:
     return signs.get(power, f"^{power:.2g}")
 
 
-def bent(found: Found, known: Information) -> tuple[int, ...]:
+def bent(found: Estimate, known: Information) -> tuple[int, ...]:
     """Return the coordinates whose region is not that of an ellipse: the cost at its ends is not what it should be.
 
     Two runs for each, along the line on which the others follow.
@@ -193,7 +193,7 @@ class Profile:
     high: float
 
 
-def profile(found: Found, known: Information, k: int, told: Callable[[str], None]) -> Profile:
+def profile(found: Estimate, known: Information, k: int, told: Callable[[str], None]) -> Profile:
     """Follow the likelihood of one coordinate to the ends of its region.
 
     From the estimate the coordinate moves on until the least cost over all others has risen by the quantile's square;
@@ -212,7 +212,7 @@ def profile(found: Found, known: Information, k: int, told: Callable[[str], None
     return Profile(order, np.array([points[x] for x in order.tolist()]), ends[0], ends[1])
 
 
-def _end(found: Found, known: Information, k: int, side: float, points: dict[float, float]) -> float:
+def _end(found: Estimate, known: Information, k: int, side: float, points: dict[float, float]) -> float:
     """Return one end of a region, infinite where it is not found, and add the points on the way."""
     problem = found.problem
     least, low, high = problem.cost(found.z), *(limit[k] for limit in problem.quantities.limits)
@@ -231,7 +231,7 @@ def _end(found: Found, known: Information, k: int, side: float, points: dict[flo
     return side * math.inf
 
 
-def _constrained(found: Found, known: Information, z: Floats, k: int, x: float) -> tuple[Floats, float]:
+def _constrained(found: Estimate, known: Information, z: Floats, k: int, x: float) -> tuple[Floats, float]:
     """Return the best coordinates with one of them given, and their cost."""
     problem, others = found.problem, np.flatnonzero(known.free & (np.arange(len(z)) != k))
     moved = z.copy()

@@ -13,11 +13,12 @@ from workbench.data.excite.signals import MultisineDesign, PrbsDesign
 from workbench.data.experiment.experiment import Experiment
 from workbench.errors import InputError
 from workbench.identification.calibrate.information import Information
-from workbench.identification.calibrate.problem import Problem
-from workbench.identification.calibrate.quantities import Quantities
+from workbench.identification.calibrate.problem import CalibrationProblem
+from workbench.identification.calibrate.quantities import FreeValues
 from workbench.identification.calibrate.request import Calibrate
+from workbench.identification.calibrate.responses import ResponseData
 from workbench.identification.calibrate.result import NextExperiment, TriedSignal
-from workbench.identification.calibrate.search import Found
+from workbench.identification.calibrate.search import Estimate
 
 __all__ = ["next_experiment"]
 
@@ -26,7 +27,10 @@ _OCTAVE = 2.0  # ratio of the clocks and bands that are tried
 
 
 def next_experiment(
-    found: Found, known: Information, request: Calibrate, posed: Callable[[Experiment, Quantities], Problem]
+    found: Estimate,
+    known: Information,
+    request: Calibrate,
+    posed: Callable[[Experiment, FreeValues], CalibrationProblem],
 ) -> NextExperiment:
     """Return the best of binary sequences and multisines over all octaves of clock and band.
 
@@ -44,12 +48,15 @@ def next_experiment(
         InputError: an input that was not measured.
     """
     amplitudes: Mapping[str, float] = request.next_inputs or {}
-    problem, first = found.problem, found.problem.data[0]
+    problem = found.problem
+    first = next((one for one in problem.data if not isinstance(one, ResponseData)), None)
+    if first is None:
+        raise InputError("next: needs a record over time among the data")
     for name in amplitudes:
         if name not in first.input_names:
             raise InputError(f"next: '{name}' is not among the measured inputs: {', '.join(first.input_names)}")
     shared = np.array([k for k, q in enumerate(problem.quantities) if q.data is None and known.free[k]])
-    quantities = Quantities(tuple(problem.quantities[int(k)] for k in shared))
+    quantities = FreeValues(tuple(problem.quantities[int(k)] for k in shared))
     J = problem.whitened(found.gradient)[0]
     own = _marginal(J, shared, [k for k, q in enumerate(problem.quantities) if q.data is not None])
     samples = request.next_samples or len(first.time)

@@ -7,13 +7,15 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import cholesky, solve_discrete_lyapunov, solve_triangular
 from scipy.signal import lfilter
 
 from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
+from workbench.identification.calibrate.responses import ResponseData
 
-__all__ = ["LOSSES", "Loss", "Noise", "Segments", "estimated"]
+__all__ = ["LOSSES", "ColouredNoise", "Loss", "Segments", "estimated"]
 
 _MOST_ORDER = 10  # of the colour
 _PER_ORDER = 20  # samples that each coefficient of the colour needs
@@ -94,7 +96,7 @@ class Segments:
     """
 
     def __init__(self, data: Sequence[Experiment]) -> None:
-        self.of = [[tuple(_pieces(np.isfinite(column))) for column in one.y.T] for one in data]
+        self.of = [[tuple(_pieces(one, np.isfinite(column))) for column in one.y.T] for one in data]
         self.names = [one.output_names for one in data]
 
     def each(self) -> Iterator[tuple[int, int, str, slice]]:
@@ -114,13 +116,16 @@ class Segments:
         return [arrays[i][piece, j] for i, j, n, piece in self.each() if n == name]
 
 
-def _pieces(there: Floats) -> Iterator[slice]:
+def _pieces(one: Experiment, there: NDArray[np.bool_]) -> Iterator[slice]:
+    if isinstance(one, ResponseData):  # its errors have no colour
+        yield from (slice(int(k), int(k) + 1) for k in np.flatnonzero(there))
+        return
     edges = np.flatnonzero(np.diff(np.concatenate([[0], there.astype(int), [0]])))
     yield from (slice(int(a), int(b)) for a, b in edges.reshape(-1, 2))
 
 
 @dataclass(frozen=True, eq=False)
-class Noise:
+class ColouredNoise:
     """Noise v of each output: v(k) = Σ aᵢ v(k − i) + e(k), e white with standard deviation σ.
 
     Attributes:
@@ -164,7 +169,7 @@ def _white(x: Floats, a: Floats) -> Floats:
 
 def estimated(
     residuals: Sequence[Floats], segments: Segments, *, fitted: int, colour: bool, given: dict[str, float], robust: bool
-) -> Noise:  # fmt: skip
+) -> ColouredNoise:  # fmt: skip
     """Return the noise that leaves these residuals.
 
     Args:
@@ -186,7 +191,7 @@ def estimated(
         size = _MAD * float(np.median(np.abs(e))) if robust else math.sqrt(float(np.mean(e**2)) / free)
         measured = given.get(name)
         sigma[name] = measured if measured is not None else size or np.finfo(float).tiny ** 0.5
-    return Noise(sigma, colours, given=all(name in given for name in names))
+    return ColouredNoise(sigma, colours, given=all(name in given for name in names))
 
 
 def _burg(pieces: Sequence[Floats]) -> Floats:

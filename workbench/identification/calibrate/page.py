@@ -102,6 +102,8 @@ def _noise(one: OutputNoise, result: CalibrateResult) -> str:
     unit = next(
         (u for d in result.data for n, u in zip(d.output_names, d.output_units, strict=True) if n == one.output), None
     )
+    if any(d.of_response for d in result.data if one.output in d.output_names):
+        return f"{one.output}: {one.sigma:.3g} of the stated errors"
     how = "given" if one.given else "estimated"
     colour = f", coloured (order {len(one.colour)})" if one.colour else ", white"
     return f"{one.output}: σ = {one.sigma:.3g}{behind(unit)}{colour}, {how}"

@@ -51,7 +51,8 @@ def _data(ax: Axes, one: DataFit, j: int, *, named: bool) -> None:
     if np.any(one.band[:, j] > 0.0):
         ax.fill_between(t, y - one.band[:, j], y + one.band[:, j], color=COLOURS[0], alpha=0.25, linewidth=0.0)
     ax.plot(t, y, color=COLOURS[0], linewidth=1.4, label="estimate")
-    ax.set_xlabel("time [s]")
+    ax.set_xlabel("frequency [Hz]" if one.of_response else "time [s]")
+    ax.set_xscale("log" if one.of_response else "linear")
     ax.set_ylabel(bracketed(one.output_names[j], one.output_units[j]))
     if named:
         ax.set_title(one.name, loc="left")

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
-from workbench.identification.calibrate.noise import Loss, Noise, Segments
-from workbench.identification.calibrate.quantities import Quantities
-from workbench.identification.calibrate.runs import Runs
+from workbench.identification.calibrate.noise import ColouredNoise, Loss, Segments
+from workbench.identification.calibrate.quantities import FreeValues
+from workbench.identification.calibrate.runs import ModelRuns
 
-__all__ = ["Flags", "Gradient", "Problem"]
+__all__ = ["CalibrationProblem", "Flags", "Gradient"]
 
 Flags = NDArray[np.bool_]
 
@@ -42,7 +42,7 @@ class Gradient:
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class CalibrationProblem:
     """What is fitted to what.
 
     Attributes:
@@ -57,13 +57,13 @@ class Problem:
 
     data: tuple[Experiment, ...]
     segments: Segments
-    quantities: Quantities
-    runs: Runs
-    noise: Noise
+    quantities: FreeValues
+    runs: ModelRuns
+    noise: ColouredNoise
     rtol: float
     loss: Loss
 
-    def with_noise(self, noise: Noise) -> Problem:
+    def with_noise(self, noise: ColouredNoise) -> CalibrationProblem:
         """Return the problem with other noise."""
         return replace(self, noise=noise)
 

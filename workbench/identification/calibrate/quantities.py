@@ -13,10 +13,11 @@ from workbench.data.experiment.experiment import Experiment
 from workbench.errors import InputError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
 from workbench.identification.calibrate.request import Calibrate
+from workbench.identification.calibrate.responses import ResponseData
 from workbench.model import DescribedModel, Model
 from workbench.model.names import check_variables, variables_of
 
-__all__ = ["Quantities", "Quantity", "quantities_of"]
+__all__ = ["FreeValue", "FreeValues", "quantities_of"]
 
 _DECADE = 10.0  # ratio of limits from which on a positive parameter is searched for by its logarithm
 _INSIDE = 1e-6  # of the range: how far from a limit a search begins
@@ -24,7 +25,7 @@ _AROUND = 1.0  # coordinate: how far from the start value further searches begin
 
 
 @dataclass(frozen=True, kw_only=True)
-class Quantity:
+class FreeValue:
     """One number that is estimated.
 
     Attributes:
@@ -65,19 +66,19 @@ class Quantity:
 
 
 @dataclass(frozen=True)
-class Quantities(Sequence[Quantity]):
+class FreeValues(Sequence[FreeValue]):
     """All that is estimated, in the order of the coordinates z, shape (q,).
 
     Attributes:
         every: one for each coordinate.
     """
 
-    every: tuple[Quantity, ...]
+    every: tuple[FreeValue, ...]
 
     def __len__(self) -> int:
         return len(self.every)
 
-    def __getitem__(self, index: int) -> Quantity:  # type: ignore[override]
+    def __getitem__(self, index: int) -> FreeValue:  # type: ignore[override]
         return self.every[index]
 
     @property
@@ -108,7 +109,7 @@ class Quantities(Sequence[Quantity]):
 
         Args:
             z: coordinates.
-            kind: see `Quantity`.
+            kind: see `FreeValue`.
             data: number of the data that are played.
         """
         pairs = zip(self.every, z.tolist(), strict=True)
@@ -130,7 +131,7 @@ class Quantities(Sequence[Quantity]):
             yield np.clip(low + part * (high - low), low + inside, high - inside)
 
 
-def quantities_of(model: Model, data: Sequence[Experiment], request: Calibrate) -> Quantities:
+def quantities_of(model: Model, data: Sequence[Experiment], request: Calibrate) -> FreeValues:
     """Return what is estimated.
 
     Args:
@@ -154,11 +155,13 @@ def quantities_of(model: Model, data: Sequence[Experiment], request: Calibrate) 
         for name in names:
             size = _spread(data, name) if kind == "bias" else 1.0
             unit = known[name].unit if kind == "bias" else None
-            result.append(Quantity(name=f"{kind} of {name}", kind=kind, target=name, start=start, size=size, unit=unit))
-    return Quantities(tuple(result))
+            result.append(
+                FreeValue(name=f"{kind} of {name}", kind=kind, target=name, start=start, size=size, unit=unit)
+            )
+    return FreeValues(tuple(result))
 
 
-def _parameter(model: Model, variable: Variable, low: float, high: float) -> Quantity:
+def _parameter(model: Model, variable: Variable, low: float, high: float) -> FreeValue:
     name = variable.name
     if variable.causality == "input":
         raise InputError(f"free: '{name}' is an input; give its measured column, or set it (`start_values`)")
@@ -178,7 +181,7 @@ def _or(value: float | None, other: float) -> float:
     return other if value is None else float(value)
 
 
-def _scaled(name: str, variable: Variable, start: float, low: float, high: float) -> Quantity:
+def _scaled(name: str, variable: Variable, start: float, low: float, high: float) -> FreeValue:
     if not low < high:
         raise InputError(f"free: {name}: the limits {low:g}:{high:g} leave nothing between them")
     log = (low > 0.0 and high >= _DECADE * low) or (low == 0.0 and start > 0.0 and math.isinf(high))
@@ -189,7 +192,7 @@ def _scaled(name: str, variable: Variable, start: float, low: float, high: float
     size = 0.5 * (high - low)
     if not math.isfinite(size):
         size = abs(start) or variable.nominal or 1.0
-    return Quantity(
+    return FreeValue(
         name=name, kind="parameter", target=variable.name, unit=variable.unit, start=start, low=low, high=high,
         log=log, size=size,
     )  # fmt: skip
@@ -197,7 +200,7 @@ def _scaled(name: str, variable: Variable, start: float, low: float, high: float
 
 def _states(
     model: Model, data: Sequence[Experiment], known: Mapping[str, Variable], request: Calibrate
-) -> Iterator[Quantity]:
+) -> Iterator[FreeValue]:
     """Yield the initial values that are estimated: of each file its own."""
     ends: Mapping[str, tuple[float, float]] = request.states or {}
     if request.initial == "free":
@@ -206,6 +209,8 @@ def _states(
             raise InputError(f"initial: {model.name} shows no states that could be estimated; use initial=rest")
     check_variables(model, ends, "state", what="states")
     for number, one in enumerate(data):
+        if isinstance(one, ResponseData):
+            continue
         for name, (low, high) in ends.items():
             variable = known[name]
             first = one.output_names.index(name) if name in one.output_names else None
@@ -214,7 +219,7 @@ def _states(
             if math.isfinite(high - low):
                 start, size = min(max(start, low), high), 0.5 * (high - low)
             label = f"{name} at the start" + (f" of {one.name}" if len(data) > 1 else "")
-            yield Quantity(
+            yield FreeValue(
                 name=label, kind="state", target=name, data=number, unit=variable.unit, start=start, low=low,
                 high=high, size=size,
             )  # fmt: skip

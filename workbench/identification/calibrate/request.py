@@ -6,9 +6,9 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
-from workbench.core.records.forms import FILES, ONE, File, Form, Layout, Limits, Names, Values, table
+from workbench.core.records.forms import FILES, ONE, SPAN, File, Form, Layout, Limits, Names, Values, table
 from workbench.core.records.names_in_text import split_names
 from workbench.core.records.option import EACH, option
 from workbench.core.records.quantity import alike, amount, shortest
@@ -18,8 +18,10 @@ from workbench.jobs.options import InWorkers
 from workbench.requests.request import ModelRequest, function
 
 if TYPE_CHECKING:
+    from workbench.data.bla.result import BlaResult
     from workbench.data.experiment.experiment import Experiment
     from workbench.identification.calibrate.result import CalibrateResult
+    from workbench.response.nfr.result import NfrResult
 
 __all__ = ["Calibrate", "calibrate"]
 
@@ -68,10 +70,11 @@ def _named_values(value: Any, join: Any) -> list[str]:  # noqa: ANN401
     return [f"{name}={text}" if (text := join(x)) not in ("", ":") else name for name, x in value.items()]
 
 
+_INNER = replace(SPAN, split=lambda texts: texts[-1])
 _FREE = Form(
     metavar="NAME[=LO:HI]",
     read=lambda value: {name: _range(name, x) for name, x in _by_name(value).items()},
-    layout=Layout(kind="names", split=_named, join=lambda value: _named_values(value, _ends), inner=ONE),
+    layout=Layout(kind="names", split=_named, join=lambda value: _named_values(value, _ends), inner=_INNER),
     items=("number", "string", "null"),
     repeated=True,
 )
@@ -85,7 +88,8 @@ _CHANNELS = Form(
 if TYPE_CHECKING:
     _Free = Mapping[str, tuple[float | None, float | None] | str | None] | Sequence[str]
     _Channels = Mapping[str, str] | Sequence[str]
-    _Data = Experiment | File | Sequence[Experiment | File]
+    _Set: TypeAlias = Experiment | NfrResult | BlaResult | str | Path
+    _Data: TypeAlias = _Set | Sequence[_Set]
 else:
     _Free = Annotated[object, _FREE]
     _Channels = Annotated[object, _CHANNELS]
@@ -145,7 +149,8 @@ class Calibrate(AtPoint, InWorkers, ModelRequest["CalibrateResult"]):
     subject = replace(ModelRequest.subject, rest="data")
 
     data: _Data = option(
-        "Measured data: CSV files, or .mat, .parquet, .feather, .mf4; experiments in Python.",
+        "Measured data: records over time (CSV, .mat, .parquet, .feather, .mf4) or frequency responses (JSON of nfr or "
+        "bla, tables, .mat).",
         metavar="DATA,..",
         first=True,
     )

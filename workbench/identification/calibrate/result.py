@@ -90,6 +90,8 @@ class DataFit(RecordPart):
         autocorrelation: of the residuals freed of the noise's colour, with its verdict; None: not tested.
         cross: of these residuals and the inputs, likewise.
         remark: why nothing was tested; empty otherwise.
+        of_response: whether the data are a frequency response: its outputs are real and imaginary parts, and `time`
+            is the frequency [Hz].
     """
 
     name: str
@@ -104,6 +106,7 @@ class DataFit(RecordPart):
     autocorrelation: Autocorrelation | None = None
     cross: CrossCorrelation | None = field(default=None, metadata=entry(key="cross_correlation"))
     remark: str = ""
+    of_response: bool = False
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -233,10 +236,14 @@ class CalibrateResult(Result):
     notes: tuple[str, ...] = ()
     operating_point: OperatingPoint | None = None
 
-    _WHAT, _COMMAND = "estimated parameters", "calibrate"
+    _WHAT, _COMMAND = "a calibration", "calibrate"
 
-    def __getitem__(self, name: str) -> CalibratedParameter:
-        """Return what was found of one number, by its name."""
+    def of(self, name: str) -> CalibratedParameter:
+        """Return what was found of one number.
+
+        Args:
+            name: of it.
+        """
         return next(p for p in self.parameters if p.name == name)
 
     @property

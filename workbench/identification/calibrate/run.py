@@ -16,10 +16,11 @@ from workbench.identification.calibrate.calibrated import write_calibrated
 from workbench.identification.calibrate.data import measured, played
 from workbench.identification.calibrate.information import Information, Profile, bent, information, profile
 from workbench.identification.calibrate.next_experiment import next_experiment
-from workbench.identification.calibrate.noise import LOSSES, Noise, Segments
-from workbench.identification.calibrate.problem import Problem
-from workbench.identification.calibrate.quantities import Quantities, quantities_of
+from workbench.identification.calibrate.noise import LOSSES, ColouredNoise, Segments
+from workbench.identification.calibrate.problem import CalibrationProblem, Flags
+from workbench.identification.calibrate.quantities import FreeValues, quantities_of
 from workbench.identification.calibrate.request import Calibrate
+from workbench.identification.calibrate.responses import ResponseData
 from workbench.identification.calibrate.result import (
     CalibratedParameter,
     CalibrateResult,
@@ -28,8 +29,8 @@ from workbench.identification.calibrate.result import (
     OutputNoise,
     ParameterProfile,
 )
-from workbench.identification.calibrate.runs import Runs, sampled
-from workbench.identification.calibrate.search import Found, search
+from workbench.identification.calibrate.runs import ModelRuns, sampled
+from workbench.identification.calibrate.search import Estimate, search
 from workbench.identification.validate.residuals import autocorrelation, cross_correlation, fit_of
 from workbench.jobs.job import Job
 from workbench.jobs.runner import Runner
@@ -49,13 +50,12 @@ _HUGE = 700.0  # logarithm of the largest number
 def run(model: Model, request: Calibrate, job: Job) -> CalibrateResult:
     """Calibrate; see `Calibrate`."""
     model, remarks = start_at(model, request.at)
-    data, others = (
-        measured(model, cast("_Given", given or ()), request) for given in (request.data, request.validation)
-    )
+    data = measured(model, cast("_Given", request.data), request)
+    others = measured(model, cast("_Given", request.validation or ()), request)
     quantities = quantities_of(model, data, request)
     notes = [*remarks, *(note for one in (*data, *others) for note in one.notes), *_doubts(data)]
     with at_work(model, request.place, job) as runner:
-        work = _Work(model, request, runner, job)
+        work = _CalibrationWork(model, request, runner, job)
         problem, found_out = work.problem(data, quantities, _guessed(data, request))
         found = search(problem, request, job.say)
         known = information(found)
@@ -73,7 +73,7 @@ def run(model: Model, request: Calibrate, job: Job) -> CalibrateResult:
 
 
 @dataclass(frozen=True, eq=False)
-class _Work:
+class _CalibrationWork:
     """What runs what."""
 
     model: Model
@@ -82,27 +82,29 @@ class _Work:
     job: Job
 
     def problem(
-        self, data: Sequence[Experiment], quantities: Quantities, noise: Noise
-    ) -> tuple[Problem, Sequence[str]]:
+        self, data: Sequence[Experiment], quantities: FreeValues, noise: ColouredNoise
+    ) -> tuple[CalibrationProblem, Sequence[str]]:
         """Return the problem, and notes on how the model samples."""
         request, model = self.request, self.model
-        grids = sampled(self.runner, [one.dt for one in data])
-        play = [played(model, one, grid, request, step) for one, (grid, step) in zip(data, grids, strict=True)]
-        runs = Runs(self.runner, self.job, play, quantities, rest=request.initial == "rest")
-        made = Problem(
+        records = [one for one in data if not isinstance(one, ResponseData)]
+        grids = sampled(self.runner, [one.dt for one in records])
+        laid = iter([played(model, one, grid, request, step) for one, (grid, step) in zip(records, grids, strict=True)])
+        play = [one.played if isinstance(one, ResponseData) else next(laid) for one in data]
+        runs = ModelRuns(self.runner, self.job, play, quantities, rest=request.initial == "rest")
+        made = CalibrationProblem(
             data=tuple(data), segments=Segments(data), quantities=quantities, runs=runs, noise=noise, rtol=model.rtol,
             loss=LOSSES[request.loss],
         )  # fmt: skip
         return made, [note for grid, _ in grids for note in grid.notes]
 
-    def posed(self, found: Found) -> Callable[[Experiment, Quantities], Problem]:
+    def posed(self, found: Estimate) -> Callable[[Experiment, FreeValues], CalibrationProblem]:
         """Return the function that makes a problem of further data, with the noise that was found."""
         return lambda data, quantities: self.problem([data], quantities, found.problem.noise)[0]
 
-    def compared(self, others: Sequence[Experiment], found: Found) -> tuple[DataFit, ...]:
+    def compared(self, others: Sequence[Experiment], found: Estimate) -> tuple[DataFit, ...]:
         """Return other data beside the estimate; what is free for each data set is as the model has it."""
         shared = [k for k, q in enumerate(found.problem.quantities) if q.data is None]
-        quantities = Quantities(tuple(found.problem.quantities[k] for k in shared))
+        quantities = FreeValues(tuple(found.problem.quantities[k] for k in shared))
         problem, _ = self.problem(others, quantities, found.problem.noise)
         before, after = (problem.runs.outputs([z])[0] for z in (quantities.start, found.z[shared]))
         return tuple(_fit(problem, i, before[i], after[i]) for i in range(len(others)))
@@ -115,21 +117,21 @@ def _doubts(data: Sequence[Experiment]) -> Iterator[str]:
         columns = [one.u[:, one.input_names.index(name)] for one in data if name in one.input_names]
         if not any(np.ptp(column) > 0.0 for column in columns):
             yield f"input '{name}' does not move in the data: what acts by its changes alone cannot be seen"
-    if not names:
+    if not names and not any(isinstance(one, ResponseData) for one in data):
         yield "no input was measured: all stay at their start values"
 
 
-def _guessed(data: Sequence[Experiment], request: Calibrate) -> Noise:
+def _guessed(data: Sequence[Experiment], request: Calibrate) -> ColouredNoise:
     """Return the noise that the search begins with: as large as the outputs move, so that all count alike."""
     names = list(dict.fromkeys(n for one in data for n in one.output_names))
     sigma = {}
     for name in names:
         columns = [one.y[:, one.output_names.index(name)] for one in data if name in one.output_names]
         sigma[name] = float(np.nanstd(np.concatenate(columns))) or 1.0
-    return Noise({**sigma, **(request.weights or {})}, {name: np.zeros(0) for name in names})
+    return ColouredNoise({**sigma, **(request.weights or {})}, {name: np.zeros(0) for name in names})
 
 
-def _record(model: Model, found: Found, known: Information, notes: Sequence[str]) -> CalibrateResult:
+def _record(model: Model, found: Estimate, known: Information, notes: Sequence[str]) -> CalibrateResult:
     """Return the record of an estimate."""
     problem = found.problem
     before, after = (problem.runs.outputs([z])[0] for z in (problem.quantities.start, found.z))
@@ -157,7 +159,7 @@ def _record(model: Model, found: Found, known: Information, notes: Sequence[str]
     )  # fmt: skip
 
 
-def _parameter(found: Found, known: Information, k: int) -> CalibratedParameter:
+def _parameter(found: Estimate, known: Information, k: int) -> CalibratedParameter:
     q, z, error = found.problem.quantities[k], float(found.z[k]), float(known.errors[k])
     sure = bool(known.free[k]) and np.isfinite(error)
     ends = [min(z + s * known.quantile * error, _HUGE) if q.log else z + s * known.quantile * error for s in (-1, 1)]
@@ -169,7 +171,7 @@ def _parameter(found: Found, known: Information, k: int) -> CalibratedParameter:
     )  # fmt: skip
 
 
-def _chi_squared(found: Found, known: Information) -> ChiSquared | None:
+def _chi_squared(found: Estimate, known: Information) -> ChiSquared | None:
     problem = found.problem
     if not problem.noise.given:
         return None
@@ -178,7 +180,7 @@ def _chi_squared(found: Found, known: Information) -> ChiSquared | None:
     return ChiSquared(value=value, degrees=degrees, p_value=float(chdtrc(degrees, value)))
 
 
-def _band(found: Found, known: Information, i: int) -> Floats:
+def _band(found: Estimate, known: Information, i: int) -> Floats:
     """Return half the region of the outputs, shape (n, p), that the regions of the parameters make."""
     J = found.gradient.y[i]
     covariance = np.nan_to_num(known.covariance, nan=0.0, posinf=0.0)
@@ -187,28 +189,32 @@ def _band(found: Found, known: Information, i: int) -> Floats:
 
 
 def _fit(
-    problem: Problem, i: int, before: Floats | None, computed: Floats | None, band: Floats | None = None
+    problem: CalibrationProblem, i: int, before: Floats | None, computed: Floats | None, band: Floats | None = None
 ) -> DataFit:
     """Return one data set beside the model."""
     one = problem.data[i]
+    of_response = isinstance(one, ResponseData)
+    size = one.played.sizes if isinstance(one, ResponseData) else np.ones((1, 1))
     nothing = np.full(one.y.shape, np.nan)
-    y = nothing if computed is None else computed
+    y = nothing if computed is None else size * computed
     fits = []
-    for name, wanted, given in zip(one.output_names, one.y.T, y.T, strict=True):
+    for name, wanted, given in zip(one.output_names, (size * one.y).T, y.T, strict=True):
         there = np.isfinite(wanted)
         fits.append(fit_of(name, wanted[there], given[there]))
     made = DataFit(
-        name=one.name, output_names=one.output_names, output_units=one.output_units, time=one.time, measured=one.y,
-        before=nothing if before is None else before, computed=y, fits=tuple(fits),
-        band=nothing if band is None else band,
+        name=one.name, output_names=one.output_names, output_units=one.output_units, time=one.time,
+        measured=size * one.y,
+        before=nothing if before is None else size * before, computed=y,
+        fits=tuple(fits),
+        band=nothing if band is None else size * band, of_response=of_response,
     )  # fmt: skip
-    return _tested(made, problem, i)
+    return made if of_response else _tested(made, problem, i)
 
 
-def _tested(made: DataFit, problem: Problem, i: int) -> DataFit:
+def _tested(made: DataFit, problem: CalibrationProblem, i: int) -> DataFit:
     """Return the fit with the tests of its residuals, over the longest stretch in which no sample is missing."""
     one = problem.data[i]
-    gone = ~np.isfinite(one.y).all(axis=1)
+    gone: Flags = np.asarray(~np.isfinite(one.y).all(axis=1), dtype=np.bool_)
     whole = Segments([replace(one, y=np.where(gone[:, None], np.nan, one.y))])
     pieces = whole.of[0][0]
     longest = max(pieces, key=lambda s: s.stop - s.start, default=slice(0, 0))
@@ -226,7 +232,7 @@ def _tested(made: DataFit, problem: Problem, i: int) -> DataFit:
     return replace(made, autocorrelation=autocorrelation(e, lags), cross=cross)
 
 
-def _looked_at(result: CalibrateResult, found: Found, known: Information, work: _Work) -> CalibrateResult:
+def _looked_at(result: CalibrateResult, found: Estimate, known: Information, work: _CalibrationWork) -> CalibrateResult:
     """Return the record with what runs at the ends of the regions show, and with profiles where they are asked for."""
     off = bent(found, known)
     parameters, notes = list(result.parameters), list(result.notes)
@@ -243,7 +249,7 @@ def _looked_at(result: CalibrateResult, found: Found, known: Information, work: 
     return replace(result, parameters=tuple(parameters), notes=tuple(notes))
 
 
-def _profiled(p: CalibratedParameter, found: Found, seen: Profile, k: int) -> CalibratedParameter:
+def _profiled(p: CalibratedParameter, found: Estimate, seen: Profile, k: int) -> CalibratedParameter:
     q = found.problem.quantities[k]
     low, high = (q.value(x) if np.isfinite(x) else None for x in (seen.low, seen.high))
     values = np.array([q.value(x) for x in seen.z])

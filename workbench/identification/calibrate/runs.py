@@ -13,7 +13,8 @@ from workbench.core.values.operating_point import OperatingPoint
 from workbench.data.excite.recording import Sampling, sampling_of
 from workbench.errors import SimulationError
 from workbench.identification.calibrate.data import PlayedData
-from workbench.identification.calibrate.quantities import Quantities
+from workbench.identification.calibrate.quantities import FreeValues
+from workbench.identification.calibrate.responses import PlayedResponse
 from workbench.jobs.job import Job
 from workbench.jobs.runner import Lost, Reply, Runner, WorkItem, perform
 from workbench.model import Model
@@ -24,7 +25,7 @@ from workbench.point.trim.request import trim
 from workbench.session.base import Session
 from workbench.session.start_values import NotReachedError
 
-__all__ = ["ModelRun", "RunOutputs", "Runs", "SamplingRun", "sampled"]
+__all__ = ["ModelRun", "ModelRuns", "RunOutputs", "SamplingRun", "sampled"]
 
 _KEPT = 4  # times the quantities: runs whose outputs are remembered, for each data set
 
@@ -71,7 +72,7 @@ class ModelRun(WorkItem):
         where: whether it tells where it began.
     """
 
-    played: PlayedData
+    played: PlayedData | PlayedResponse
     parameters: Mapping[str, float]
     states: Mapping[str, float]
     rest: bool
@@ -88,7 +89,9 @@ class ModelRun(WorkItem):
         data = self.played
         if self.rest:
             model = self._at_rest(model)
-        with self._open(model) as session:
+        if isinstance(data, PlayedResponse):
+            return RunOutputs(data.computed(model), start=standing(model) if self.where else None)
+        with self._open(model, data) as session:
             start = standing(model, session) if self.where else None
             points = data.reads[data.reads > session.time]
             record = session.advance(data.end, signals=data.signals, record=data.outputs, points=points)
@@ -99,20 +102,20 @@ class ModelRun(WorkItem):
         columns = [record.values[n][rows][data.rows[:, i].astype(int)] for i, n in enumerate(data.outputs)]
         return RunOutputs(np.column_stack(columns), start=start)
 
-    def _open(self, model: Model) -> Session:
+    def _open(self, model: Model, data: PlayedData) -> Session:
         if self.states:
-            return model.open_at(values=dict(self.states), step=self.played.step)
-        return model.open_session(step=self.played.step, signals=None if self.rest else self.played.signals)
+            return model.open_at(values=dict(self.states), step=data.step)
+        return model.open_session(step=data.step, signals=None if self.rest else data.signals)
 
     def _at_rest(self, model: Model) -> Model:
-        first = {name: signal(model.start_time) for name, signal in self.played.signals.items()}
-        found = trim(model, u0=first, in_process=True)
+        signals = {} if isinstance(self.played, PlayedResponse) else self.played.signals
+        found = trim(model, u0={name: signal(model.start_time) for name, signal in signals.items()}, in_process=True)
         if not found.converged:
             raise SimulationError("no equilibrium with the first values of the inputs")
         return model.starting_at(found.operating_point)
 
 
-class Runs:
+class ModelRuns:
     """Outputs at coordinates, run where the job runs its parts, each once.
 
     Args:
@@ -129,7 +132,13 @@ class Runs:
     """
 
     def __init__(
-        self, runner: Runner, job: Job, data: Sequence[PlayedData], quantities: Quantities, *, rest: bool
+        self,
+        runner: Runner,
+        job: Job,
+        data: Sequence[PlayedData | PlayedResponse],
+        quantities: FreeValues,
+        *,
+        rest: bool,
     ) -> None:
         self._runner, self._job, self._data, self._quantities = runner, job, tuple(data), quantities
         self._rest = rest

@@ -10,11 +10,11 @@ from scipy.optimize import least_squares
 
 from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
-from workbench.identification.calibrate.noise import Noise, estimated
-from workbench.identification.calibrate.problem import Gradient, Problem
+from workbench.identification.calibrate.noise import ColouredNoise, estimated
+from workbench.identification.calibrate.problem import CalibrationProblem, Gradient
 from workbench.identification.calibrate.request import Calibrate
 
-__all__ = ["Found", "search"]
+__all__ = ["Estimate", "search"]
 
 _STILL = 0.01  # standard errors: what moves less has been found
 _FIRST = 1e-3  # relative fall of the cost that ends the first search, with one-sided differences
@@ -33,7 +33,7 @@ _REASONS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class Estimate:
     """Where a search ended.
 
     Attributes:
@@ -45,7 +45,7 @@ class Found:
         notes: what was done besides.
     """
 
-    problem: Problem
+    problem: CalibrationProblem
     z: Floats
     gradient: Gradient
     reason: str
@@ -54,13 +54,13 @@ class Found:
 
 
 @dataclass(frozen=True, eq=False)
-class _Ended:
+class _DescentEnd:
     z: Floats
     cost: float
     status: int
 
 
-def search(problem: Problem, request: Calibrate, told: Callable[[str], None]) -> Found:
+def search(problem: CalibrationProblem, request: Calibrate, told: Callable[[str], None]) -> Estimate:
     """Return the coordinates with the least cost.
 
     Args:
@@ -92,7 +92,7 @@ def search(problem: Problem, request: Calibrate, told: Callable[[str], None]) ->
     return replace(_refined(problem, first, request, told), notes=tuple(notes))
 
 
-def _explains(problem: Problem, ended: _Ended | None) -> bool:
+def _explains(problem: CalibrationProblem, ended: _DescentEnd | None) -> bool:
     """Return whether a fit leaves less than half of what the outputs move."""
     if ended is None:
         return False
@@ -101,12 +101,12 @@ def _explains(problem: Problem, ended: _Ended | None) -> bool:
     return left < _POOR * len(rest)
 
 
-def _size(problem: Problem, outputs: int, i: int) -> float:
+def _size(problem: CalibrationProblem, outputs: int, i: int) -> float:
     y = problem.data[i].y
     return float(np.nansum((y - np.nanmean(y, axis=0)) ** 2)) or float(outputs)
 
 
-def _descent(problem: Problem, z0: Floats, request: Calibrate, *, central: bool) -> _Ended | None:
+def _descent(problem: CalibrationProblem, z0: Floats, request: Calibrate, *, central: bool) -> _DescentEnd | None:
     """Return where a trust region ends; None: the model cannot be run at its start."""
     e = problem.residuals(z0)
     if not np.all(np.isfinite(e)):
@@ -121,10 +121,12 @@ def _descent(problem: Problem, z0: Floats, request: Calibrate, *, central: bool)
         loss=problem.loss.rho or "linear", ftol=_STILL**2 / problem.samples if central else _FIRST,
         xtol=_EXACT, gtol=_EXACT, max_nfev=evaluations,
     )  # fmt: skip
-    return _Ended(found.x, float(found.cost), int(found.status))
+    return _DescentEnd(found.x, float(found.cost), int(found.status))
 
 
-def _refined(problem: Problem, first: _Ended, request: Calibrate, told: Callable[[str], None]) -> Found:
+def _refined(
+    problem: CalibrationProblem, first: _DescentEnd, request: Calibrate, told: Callable[[str], None]
+) -> Estimate:
     """Return the search continued with two-sided differences, noise estimated anew until nothing moves."""
     z, ended, gradient = first.z, first, problem.gradient(first.z, central=True)
     for number in range(_ROUNDS):
@@ -138,10 +140,10 @@ def _refined(problem: Problem, first: _Ended, request: Calibrate, told: Callable
         if ended.status == 0 or (number > 0 and moved < _STILL * np.sqrt(len(z))):
             break
     problem = problem.with_noise(_noise(problem, z, request))
-    return Found(problem, z, gradient, _REASONS[ended.status], ended.status > 0)
+    return Estimate(problem, z, gradient, _REASONS[ended.status], ended.status > 0)
 
 
-def _noise(problem: Problem, z: Floats, request: Calibrate) -> Noise:
+def _noise(problem: CalibrationProblem, z: Floats, request: Calibrate) -> ColouredNoise:
     rest = problem.difference(z)
     if rest is None:
         return problem.noise

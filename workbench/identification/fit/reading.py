@@ -23,7 +23,7 @@ from workbench.response.nfr.result import NfrResult
 if TYPE_CHECKING:
     from control import FrequencyResponseData
 
-__all__ = ["Measured", "is_response", "measured"]
+__all__ = ["Measured", "is_response", "measured", "response_file"]
 
 
 _HERTZ = {"hz": 1.0, "rad/s": 0.5 / math.pi, "khz": 1e3, "rpm": 1.0 / 60.0}
@@ -80,7 +80,7 @@ def is_response(path: str | Path) -> bool:
     if Path(path).suffix.lower() == ".json":
         return True
     try:
-        _file(path)
+        response_file(path)
     except InputError:
         return False
     return True
@@ -132,7 +132,7 @@ def _check_channels(every: Measured) -> None:
 
 
 def _one(response: Any, request: Fit) -> Measured:  # noqa: ANN401 - as `measured`
-    result: Any = _file(response) if isinstance(response, str | Path) else response
+    result: Any = response_file(response) if isinstance(response, str | Path) else response
     if isinstance(result, NfrResult):
         return Measured((result.curve(request.amplitude),), result.model, 0.0)
     if isinstance(result, BlaResult):
@@ -189,7 +189,15 @@ def _rising(frequency: Floats, value: Complex, what: object, error: Floats | Non
     )
 
 
-def _file(path: str | Path) -> tuple[Response, ...] | NfrResult | BlaResult:
+def response_file(path: str | Path) -> tuple[Response, ...] | NfrResult | BlaResult:
+    """Return the responses in a file.
+
+    Args:
+        path: .json of a result, .mat, or a table.
+
+    Raises:
+        InputError: no such file, or no response in it.
+    """
     suffix = Path(path).suffix.lower()
     if suffix == ".mat":
         return _matlab(Path(path))
@@ -254,7 +262,7 @@ def _matlab(path: Path) -> tuple[Response, ...]:
     """Return the response in a file of MATLAB: frequencies and complex values, as variables or in one structure."""
     from scipy.io import loadmat  # noqa: PLC0415 - slow to import, and seldom needed
 
-    if not path.is_file():
+    if not path.isresponse_file():
         raise InputError(f"{path}: no such file")
     try:
         held = loadmat(str(path), struct_as_record=False)
