@@ -8,12 +8,17 @@ were called unidentifiable in cases where all can be known, and those named wher
 
 from __future__ import annotations
 
+import io
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from contextlib import redirect_stdout
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
+import fmpy
 import numpy as np
+from scipy.optimize import differential_evolution, least_squares
 from scipy.signal import lfilter
 
 import workbench as wb
@@ -251,7 +256,54 @@ def _unseen(name: str, case: PlantedCase, seed: int) -> bool:
     return named
 
 
-def run(*, draws: int = 50, only: str = "", every: int = 1, seed: int = 1) -> int:
+def _peers() -> None:
+    """Print runs and CPU time beside SciPy's differential evolution and its least squares through FMPy."""
+    case = CASES["rudder, loop"]
+    y = played(case)
+    y = y + _noise(case, 0.05 * float(np.std(y)), 0.0, 1)
+    names, limits = list(case.truth), [(0.001, 0.05), (0.1, 3.0)]
+    begun = time.process_time()
+    found = _calibrated(replace(case, limits=dict(zip(names, limits, strict=True))), y)
+    print(f"calibrate: {found.runs} runs, {time.process_time() - begun:.2f} s CPU, {found.values}", flush=True)
+    least = float(np.sum((y - played(case, **found.values)) ** 2))
+    counted = [0]
+
+    def cost(z: Floats) -> float:
+        counted[0] += 1
+        return float(np.sum((y - played(case, **dict(zip(names, np.exp(z).tolist(), strict=True)))) ** 2))
+
+    ended = differential_evolution(cost, np.log(limits).tolist(), seed=1, tol=1e-4, polish=False, maxiter=60)
+    print(f"differential evolution: {counted[0]} runs, cost over the least {ended.fun / least:.5f}", flush=True)
+    path, table = Path(__file__).parents[2] / "fmus/fmi2/Rudder.fmu", _fmpy_input(case)
+    counted[0], begun = 0, time.process_time()
+
+    def residuals(z: Floats) -> Floats:
+        counted[0] += 1
+        with redirect_stdout(io.StringIO()):  # it warns of inputs that are not given
+            run_ = fmpy.simulate_fmu(
+                str(path), stop_time=case.dt * (case.samples - 1), output_interval=case.dt, relative_tolerance=1e-8,
+                start_values=dict(zip(names, np.exp(z).tolist(), strict=True)), input=table, output=[case.output],
+                fmi_type="ModelExchange",
+            )  # fmt: skip
+        return y - np.interp(case.dt * np.arange(case.samples), run_["time"], run_[case.output])
+
+    with wb.load("fmu:Rudder") as model:
+        start = [float(next(v.start or 0.0 for v in model.parameters if v.name == n)) for n in names]
+    naive = least_squares(residuals, np.log(start), bounds=np.log(limits).T, x_scale="jac", diff_step=1e-4)
+    cpu = time.process_time() - begun
+    print(f"FMPy and least squares: {counted[0]} runs, {cpu:.2f} s CPU, {np.exp(naive.x).tolist()}", flush=True)
+
+
+def _fmpy_input(case: PlantedCase) -> Any:
+    """Return the staircase as FMPy reads it: two rows at each change."""
+    time_, u = case.dt * np.arange(case.samples), case.u
+    rows = [(0.0, u[0])]
+    for k in np.flatnonzero(np.diff(u)) + 1:
+        rows += [(time_[k], u[k - 1]), (time_[k], u[k])]
+    return np.array([*rows, (time_[-1] + case.dt, u[-1])], dtype=[("time", float), (case.input, float)])
+
+
+def run(*, draws: int = 50, only: str = "", every: int = 1, seed: int = 1, peers: bool = False) -> int:
     """Calibrate all cases.
 
     Args:
@@ -259,7 +311,11 @@ def run(*, draws: int = 50, only: str = "", every: int = 1, seed: int = 1) -> in
         only: words that the name of a case must have.
         every: take every so many of the cases.
         seed: of the noise.
+        peers: measure runs and CPU time beside other tools, and nothing else.
     """
+    if peers:
+        _peers()
+        return 0
     chosen = [(n, c) for n, c in list(CASES.items())[::every] if only in n]
     held = count = alarms = 0
     errors: list[float] = []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -193,7 +193,7 @@ class Profile:
     high: float
 
 
-def profile(found: Estimate, known: Information, k: int, told: Callable[[str], None]) -> Profile:
+def profile(found: Estimate, known: Information, k: int) -> Profile:
     """Follow the likelihood of one coordinate to the ends of its region.
 
     From the estimate the coordinate moves on until the least cost over all others has risen by the quantile's square;
@@ -203,9 +203,8 @@ def profile(found: Estimate, known: Information, k: int, told: Callable[[str], N
         found: the estimate.
         known: its information.
         k: number of the coordinate.
-        told: is called with what is being done.
     """
-    told(f"profile of {found.problem.quantities[k].name}")
+    found.problem.runs.doing = f"profile of {found.problem.quantities[k].name}"
     points = {float(found.z[k]): 0.0}
     ends = [_end(found, known, k, side, points) for side in (-1.0, 1.0)]
     order = np.array(sorted(points))

@@ -57,13 +57,12 @@ def run(model: Model, request: Calibrate, job: Job) -> CalibrateResult:
     with at_work(model, request.place, job) as runner:
         work = _CalibrationWork(model, request, runner, job)
         problem, found_out = work.problem(data, quantities, _guessed(data, request))
-        found = search(problem, request, job.say)
+        found = search(problem, request)
         known = information(found)
         result = _record(model, found, known, [*notes, *found_out, *found.notes])
         job.partial = lambda: result
         result = _looked_at(result, found, known, work)
         if request.next_inputs:
-            job.say("signals for the next experiment")
             result = replace(result, next_experiment=next_experiment(found, known, request, work.posed(found)))
         compared = work.compared(others, found) if others else ()
         runs = problem.runs
@@ -240,7 +239,7 @@ def _looked_at(result: CalibrateResult, found: Estimate, known: Information, wor
         if p.identifiable:
             parameters[k] = replace(p, curved=k in off)
         if work.request.profile and known.free[k]:
-            parameters[k] = _profiled(parameters[k], found, profile(found, known, k, work.job.say), k)
+            parameters[k] = _profiled(parameters[k], found, profile(found, known, k), k)
     bent_ones = [p.name for p in parameters if p.curved and p.profile is None]
     if bent_ones:
         notes.append(

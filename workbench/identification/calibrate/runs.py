@@ -127,6 +127,7 @@ class ModelRuns:
 
     Attributes:
         count: runs that were made.
+        doing: what they are for, in words.
         failed: reason → runs.
         start: where the first run began; None: none was made.
     """
@@ -144,6 +145,7 @@ class ModelRuns:
         self._rest = rest
         self._known: OrderedDict[tuple[object, ...], RunOutputs] = OrderedDict()
         self.count = 0
+        self.doing = "first run"
         self.failed: Counter[str] = Counter()
         self.start: OperatingPoint | None = None
 
@@ -189,7 +191,7 @@ class ModelRuns:
         if found.y is None:
             self.failed[found.reason] += 1
         self.start = self.start or found.start
-        self._job.done(f"run {self.count}", self.count, self.count + 1)
+        self._job.done(f"{self.doing}: run {self.count}", self.count, self.count + 1)
 
     def _seen(self, y: Floats | None, z: Floats, i: int) -> Floats | None:
         """Return what sensors show of outputs."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -60,18 +59,17 @@ class _DescentEnd:
     status: int
 
 
-def search(problem: CalibrationProblem, request: Calibrate, told: Callable[[str], None]) -> Estimate:
+def search(problem: CalibrationProblem, request: Calibrate) -> Estimate:
     """Return the coordinates with the least cost.
 
     Args:
         problem: with a first guess of the noise.
         request: starts, loss, colour.
-        told: is called with what is being done.
 
     Raises:
         SimulationError: the model cannot be run at any start.
     """
-    told("search from the start values")
+    problem.runs.doing = "search from the start values"
     z0 = problem.quantities.start
     first = _descent(problem, z0, request, central=False)
     notes: list[str] = []
@@ -81,7 +79,7 @@ def search(problem: CalibrationProblem, request: Calibrate, told: Callable[[str]
         why = "the model cannot be run at the start values" if first is None else "the first search fits poorly"
         notes.append(f"{why}: {count} further starts were tried")
     for number, z in enumerate(problem.quantities.further(count), 1):
-        told(f"search from start {number} of {count}")
+        problem.runs.doing = f"search from start {number} of {count}"
         other = _descent(problem, z, request, central=False)
         if other is not None and (first is None or other.cost < first.cost):
             first = other
@@ -89,7 +87,7 @@ def search(problem: CalibrationProblem, request: Calibrate, told: Callable[[str]
     if first is None:
         reason = problem.runs.failed.most_common(1)[0][0]
         raise SimulationError(f"the model cannot be run at the start values, nor at {count} others: {reason}")
-    return replace(_refined(problem, first, request, told), notes=tuple(notes))
+    return replace(_refined(problem, first, request), notes=tuple(notes))
 
 
 def _explains(problem: CalibrationProblem, ended: _DescentEnd | None) -> bool:
@@ -124,13 +122,11 @@ def _descent(problem: CalibrationProblem, z0: Floats, request: Calibrate, *, cen
     return _DescentEnd(found.x, float(found.cost), int(found.status))
 
 
-def _refined(
-    problem: CalibrationProblem, first: _DescentEnd, request: Calibrate, told: Callable[[str], None]
-) -> Estimate:
+def _refined(problem: CalibrationProblem, first: _DescentEnd, request: Calibrate) -> Estimate:
     """Return the search continued with two-sided differences, noise estimated anew until nothing moves."""
     z, ended, gradient = first.z, first, problem.gradient(first.z, central=True)
     for number in range(_ROUNDS):
-        told(f"noise and parameters in turn, round {number + 1}")
+        problem.runs.doing = f"noise and parameters in turn, round {number + 1}"
         problem = problem.with_noise(_noise(problem, z, request))
         before = z
         ended = _descent(problem, z, request, central=True) or ended
