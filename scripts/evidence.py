@@ -36,7 +36,7 @@ SHORT: Mapping[str, tuple[Mapping[str, Any], ...]] = {
     "fit": (),
     "identify": (),
     "rudder": (),
-    "calibrate": ({"draws": 2, "every": 7},),
+    "calibrate": ({"cases": 2, "every": 7},),
 }
 
 

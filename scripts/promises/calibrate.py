@@ -303,11 +303,11 @@ def _fmpy_input(case: PlantedCase) -> Any:
     return np.array([*rows, (time_[-1] + case.dt, u[-1])], dtype=[("time", float), (case.input, float)])
 
 
-def run(*, draws: int = 50, only: str = "", every: int = 1, seed: int = 1, peers: bool = False) -> int:
+def run(*, cases: int = 50, only: str = "", every: int = 1, seed: int = 1, peers: bool = False) -> int:
     """Calibrate all cases.
 
     Args:
-        draws: draws of the noise for each case and colour.
+        cases: draws of the noise for each model and colour.
         only: words that the name of a case must have.
         every: take every so many of the cases.
         seed: of the noise.
@@ -321,7 +321,7 @@ def run(*, draws: int = 50, only: str = "", every: int = 1, seed: int = 1, peers
     errors: list[float] = []
     for number, (name, case) in enumerate(chosen):
         for colour in (0.0, 0.7):
-            found = _trials(name, case, draws, colour, seed + 1000 * number)
+            found = _trials(name, case, cases, colour, seed + 1000 * number)
             held, count, alarms = held + found[0], count + found[1], alarms + found[2]
             errors += found[3]
     named = [_unseen(name, case, seed) for name, case in list(UNSEEN.items())[::every] if only in name]
