@@ -26,6 +26,7 @@ SLOW = {
     "modes",
     "check",
     "identify",
+    "calibrate",
     "run",
     "build",
 }
