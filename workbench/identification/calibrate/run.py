@@ -137,6 +137,8 @@ def _record(model: Model, found: Estimate, known: Information, notes: Sequence[s
     failed = problem.runs.failed
     words = [f"{failed.total()} of {problem.runs.count} runs failed; the most frequent reason: {reason}"
              for reason, _ in failed.most_common(1)]  # fmt: skip
+    if any(q.data is not None for q in problem.quantities):
+        words.append("initial values were estimated for the data; other data (`validation`) start as the model does")
     held = [
         f"{q.name} is held by its limit: the regions of the others take it as known"
         for q, free in zip(problem.quantities, known.free, strict=True)
@@ -218,6 +220,8 @@ def _tested(made: DataFit, problem: CalibrationProblem, i: int) -> DataFit:
     pieces = whole.of[0][0]
     longest = max(pieces, key=lambda s: s.stop - s.start, default=slice(0, 0))
     count = longest.stop - longest.start
+    if unknown := [name for name in one.output_names if name not in problem.noise.sigma]:
+        return replace(made, remark=f"the noise of {unknown[0]} is not known: the residuals are not tested")
     lags = min(_LAGS, count // _PER_LAG)
     rest = (made.measured - made.computed)[longest]
     if lags < 1 or not np.all(np.isfinite(rest)):
