@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
-from workbench.identification.calibrate.result import CalibratedParameter, CalibrateResult, OutputNoise
+from workbench.identification.calibrate.result import CalibratedParameter, CalibrateResult, DataFit, OutputNoise
 from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import behind, bracketed, counted, number
 from workbench.show.verdicts import Verdict
@@ -28,7 +29,7 @@ def calibrate_page(result: CalibrateResult) -> Page:
         },
         sections=[
             Section("Parameters", items=result.not_identifiable, tables=[_parameters(result), *_correlation(result)]),
-            Section("Data and model", items=[line for one in result.data for line in one.words],
+            Section("Data and model", items=_lines(result.data, named=len(result.data) > 1),
                     figures=[(result.plot, words)]),
             *_validation(result),
             *_next(result),
@@ -109,8 +110,12 @@ def _noise(one: OutputNoise, result: CalibrateResult) -> str:
     return f"{one.output}: σ = {one.sigma:.3g}{behind(unit)}{colour}, {how}"
 
 
+def _lines(data: Sequence[DataFit], *, named: bool) -> list[str]:
+    return [f"{one.name}: {line}" if named else line for one in data for line in one.words]
+
+
 def _validation(result: CalibrateResult) -> list[Section]:
-    lines = [f"{one.name}: {line}" for one in result.validation for line in one.words]
+    lines = _lines(result.validation, named=True)
     return [Section("Other data", items=lines)] if lines else []
 
 
