@@ -285,7 +285,7 @@ def _peers() -> None:
                 start_values=dict(zip(names, np.exp(z).tolist(), strict=True)), input=table, output=[case.output],
                 fmi_type="ModelExchange",
             )  # fmt: skip
-        return y - np.interp(case.dt * np.arange(case.samples), run_["time"], run_[case.output])
+        return np.asarray(y - np.interp(case.dt * np.arange(case.samples), run_["time"], run_[case.output]))
 
     with wb.load("fmu:Rudder") as model:
         start = [float(next(v.start or 0.0 for v in model.parameters if v.name == n)) for n in names]

@@ -262,7 +262,7 @@ def _matlab(path: Path) -> tuple[Response, ...]:
     """Return the response in a file of MATLAB: frequencies and complex values, as variables or in one structure."""
     from scipy.io import loadmat  # noqa: PLC0415 - slow to import, and seldom needed
 
-    if not path.isresponse_file():
+    if not path.is_file():
         raise InputError(f"{path}: no such file")
     try:
         held = loadmat(str(path), struct_as_record=False)
