@@ -77,6 +77,7 @@ _FREE = Form(
     layout=Layout(kind="names", split=_named, join=lambda value: _named_values(value, _ends), inner=_INNER),
     items=("number", "string", "null"),
     repeated=True,
+    infinite=True,
 )
 _CHANNELS = Form(
     metavar="NAME[=COLUMN]",
