@@ -112,13 +112,14 @@ def value_of(request: str, declared: DeclaredOption, chance: random.Random) -> o
 def asked_at_random(name: str, chance: random.Random) -> tuple[Request[Any, Any], Loading]:
     """Return a request, and how its model is opened."""
     request, share = request_of(name), 0.6
-    while True:
+    for _ in range(2000):
         options = {n: d for n, (d, _) in asked_options(request).items() if d.required or chance.random() < share}
         try:
             values = {n: declared.checked(value_of(name, declared, chance)) for n, declared in options.items()}
             return put_together(request, values), request.loading(values)
         except InputError:  # out of its range, or options that exclude each other
             share *= 0.98
+    raise AssertionError(f"no values of {name} are accepted")
 
 
 SUBJECTS = {"build": "a model.mo", "export": "a model.json", "fit": "a response.json"}
