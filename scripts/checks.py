@@ -68,7 +68,7 @@ def one_test(body: str, *, imports: str = "") -> str:
     return f"{imports}\n\n\ndef test_planted() -> None:\n    {body}\n".lstrip("\n")
 
 
-PLANTED = "tests/test_loop_planted.py"  # a name that `numerical` runs, too
+PLANTED = "tests/test_modes_planted.py"  # a name that `numerical` runs, too
 PAGE = "docs/troubleshooting.md"
 CODE = "workbench/signals/gusts.py"
 ONLY = dict.fromkeys((f.relative_to(ROOT).as_posix() for f in (ROOT / "tests").glob("test_*.py")), lambda _: "")
@@ -235,8 +235,8 @@ CHECKS = (
     Check(
         "numerical: its tests have another name now",
         ("numerical",),
-        {"scripts/dev.py": swap('"loop"),', '"loops"),')},
-        "test_loops",
+        {"scripts/dev.py": swap('"modes", ', '"nodes", ')},
+        "test_nodes",
         ONLY,
     ),
     Check(

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """How often promises are kept: errors, regions and verdicts of random models whose truth is known.
 
-    python scripts/evidence.py                                the short form of all, in two minutes (`dev.py evidence`)
+    python scripts/evidence.py                                the short form of all, in a minute (`dev.py evidence`)
     python scripts/evidence.py NAME [--cases N] [--seed S]    one in full; NAME --help shows what it is and its options
 
 Exit code 1: a promise is not kept. The modules of scripts/promises are named here; the options of each are the
@@ -12,10 +12,14 @@ from __future__ import annotations
 
 import argparse
 import inspect
+import io
+import os
 import re
 import sys
 import time
 from collections.abc import Callable, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import redirect_stdout
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -66,17 +70,29 @@ def options_into(parser: argparse.ArgumentParser, function: Callable[..., int]) 
             parser.add_argument(flag, type=parameter.annotation, default=parameter.default, **said)
 
 
+def measured(name: str, form: Mapping[str, Any]) -> tuple[int, str]:
+    """Run one with the parameters of its form, and return its exit code and what it said.
+
+    Args:
+        name: of the module.
+        form: parameter → value.
+    """
+    words = " ".join(f"--{key} {value}" for key, value in form.items()).replace(" True", "")
+    begin = time.monotonic()
+    with redirect_stdout(io.StringIO()) as said:
+        code = run_of(name)(**form)
+    return code, f"-- {name} {words}\n{said.getvalue()}   {time.monotonic() - begin:.0f} s"
+
+
 def short() -> int:
-    """Run the short form of all, and return 1 if a promise is not kept."""
+    """Run the short form of all, two beside each other, and return 1 if a promise is not kept."""
+    names, forms = zip(*((name, form) for name, some in SHORT.items() for form in some), strict=True)
     broken = []
-    for name, forms in SHORT.items():
-        for form in forms:
-            words = " ".join(f"--{key} {value}" for key, value in form.items()).replace(" True", "")
-            print(f"-- {name} {words}", flush=True)
-            begin = time.monotonic()
-            if run_of(name)(**form):
+    with ProcessPoolExecutor(min(2, os.cpu_count() or 1)) as pool:
+        for name, (code, said) in zip(names, pool.map(measured, names, forms), strict=True):
+            print(said, flush=True)
+            if code:
                 broken.append(name)
-            print(f"   {time.monotonic() - begin:.0f} s", flush=True)
     print(f"not kept: {', '.join(broken)}" if broken else "all kept")
     return int(bool(broken))
 

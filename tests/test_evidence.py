@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Self
+
 import pytest
 
 from scripts import evidence
@@ -20,6 +22,21 @@ def test_every_promise_has_cases_and_a_seed_and_a_short_form_that_it_takes(
     assert "--seed" in said
     for form in evidence.SHORT[name]:
         assert all(f"--{key.replace('_', '-')}" in said for key in form)
+
+
+class InTurn:
+    """In place of a pool of processes."""
+
+    map = map
+
+    def __init__(self, processes: int) -> None:
+        assert processes >= 1
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
 
 
 def test_options_reach_what_is_run_and_its_verdict_the_shell(
@@ -41,6 +58,7 @@ def test_options_reach_what_is_run_and_its_verdict_the_shell(
     assert evidence.main(["nfr"]) == 0
     assert seen == [(2, True), (5, False)]
     monkeypatch.setattr(evidence, "SHORT", {"good": ({"cases": 3},), "bad": ({"cases": 1, "blind": True},)})
+    monkeypatch.setattr(evidence, "ProcessPoolExecutor", InTurn)
     assert evidence.main([]) == 1
     assert capsys.readouterr().out.splitlines()[-1] == "not kept: bad"
     assert seen[2:] == [(3, False), (1, True)]
