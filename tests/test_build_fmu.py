@@ -18,7 +18,6 @@ from rumoca import Session as FrontEnd
 from rumoca import SimConfig
 from scipy.linalg import expm
 
-import workbench.build.toolchain as compiler
 from workbench.build.fmu import build_all, build_fmu, generate
 from workbench.errors import SimulationError
 from workbench.fmi.instance import Instance
@@ -245,16 +244,7 @@ def test_rollback_is_exact_to_the_last_bit(fmus: Path, interface: str, fmi: int)
             assert runs[0].values[name].tobytes() == runs[1].values[name].tobytes()
 
 
-# Reproducible bytes
-
-
-@pytest.mark.usefixtures("real_compiler")
-def test_a_rebuild_gives_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    first = build_fmu([MODELS["Hybrid"]], out=tmp_path / "Hybrid.fmu", fmi=3, platforms=[HOST])
-    monkeypatch.setattr(compiler, "cache_folder", lambda _: tmp_path / "cache")  # nothing may come from a cache
-    built = build_fmu([MODELS["Hybrid"]], out=tmp_path / "deep" / "Again.fmu", fmi=3, platforms=[HOST])
-    assert built.files[0].read_bytes() == first.files[0].read_bytes()
-    assert not list(tmp_path.glob("**/*.part"))
+# Reproducible bytes: `dev.py build --check` compares all FMUs and platforms
 
 
 def test_the_token_follows_the_equations_and_not_the_place(tmp_path: Path) -> None:

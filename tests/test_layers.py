@@ -67,7 +67,7 @@ def modules() -> dict[str, Path]:
     }
 
 
-def arrows_of(name: str, text: str, known: Mapping[str, object]) -> Iterator[Arrow]:
+def arrows_of(name: str, tree: ast.Module, known: Mapping[str, object]) -> Iterator[Arrow]:
     """Yield what a module names of the package."""
 
     def home(dotted: str) -> str:
@@ -90,17 +90,54 @@ def arrows_of(name: str, text: str, known: Mapping[str, object]) -> Iterator[Arr
         for inner in ast.iter_child_nodes(node):
             yield from walk(inner, typing=typing)
 
-    for dotted, line, how in walk(ast.parse(text), typing=False):
+    for dotted, line, how in walk(tree, typing=False):
         target = home(dotted)
         if target.startswith("workbench.") and target != name:
             yield Arrow(name, target, line, how)
 
 
+@dataclass(frozen=True)
+class Seen:
+    """What the tests look at in a module.
+
+    Attributes:
+        arrows: to others.
+        classes: their names.
+        defined: names of its functions, classes and variables.
+        used: what is used by name.
+        docstrings: all of them.
+    """
+
+    arrows: tuple[Arrow, ...]
+    classes: tuple[str, ...]
+    defined: frozenset[str]
+    used: frozenset[str]
+    docstrings: tuple[str | None, ...]
+
+
 @cache
+def seen() -> dict[str, Seen]:
+    """Look through all modules; once, when a test asks, and one after the other: their trees take much memory."""
+    known, found = modules(), {}
+    for name, path in known.items():
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        nodes = list(ast.walk(tree))
+        blocks = [n for n in nodes if isinstance(n, ast.FunctionDef | ast.ClassDef)]
+        names = [n for n in nodes if isinstance(n, ast.Name)]
+        defined = {n.name for n in blocks} | {n.id for n in names if isinstance(n.ctx, ast.Store)}
+        found[name] = Seen(
+            arrows=tuple(arrows_of(name, tree, known)),
+            classes=tuple(n.name for n in blocks if isinstance(n, ast.ClassDef)),
+            defined=frozenset(defined),
+            used=frozenset({n.arg for n in nodes if isinstance(n, ast.arg)} | {n.id for n in names} | defined),
+            docstrings=tuple(map(ast.get_docstring, [tree, *blocks])),
+        )
+    return found
+
+
 def every() -> tuple[Arrow, ...]:
-    """Return all arrows of the package; found once, when a test asks."""
-    known = modules()
-    return tuple(a for name, path in known.items() for a in arrows_of(name, path.read_text(encoding="utf-8"), known))
+    """Return all arrows of the package."""
+    return tuple(arrow for one in seen().values() for arrow in one.arrows)
 
 
 def room(module: str) -> str:
@@ -148,16 +185,11 @@ def test_no_modules_import_each_other() -> None:
     assert not (circle := circle_in(graph_of(every()))), " → ".join(circle)
 
 
-def classes() -> Iterator[tuple[str, str]]:
-    """Every class, with its module."""
-    for name, path in modules().items():
-        yield from ((n.name, name) for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.ClassDef))
-
-
 def test_a_class_has_one_name_and_a_name_one_class() -> None:
     where: dict[str, list[str]] = {}
-    for name, module in classes():
-        where.setdefault(name.lstrip("_"), []).append(module)
+    for module, one in seen().items():
+        for name in one.classes:
+            where.setdefault(name.lstrip("_"), []).append(module)
     assert {name: homes for name, homes in where.items() if len(homes) > 1} == {}
 
 
@@ -172,7 +204,7 @@ def f():
     say("workbench.lin is not the name of a module, and this is no name")
 """
     known = dict.fromkeys(["workbench.errors", "workbench.point", "workbench.cli.app", "workbench.show.result"])
-    found = list(arrows_of("workbench.fmi.archive", text, known))
+    found = list(arrows_of("workbench.fmi.archive", ast.parse(text), known))
     assert [a.how for a in found] == ["import", "type", "import", "string"]
     assert [a.target for a in found] == list(known)
     assert len(upwards(tuple(found))) == len(found) - 1
@@ -180,8 +212,8 @@ def f():
 
 def test_a_circle_is_found() -> None:
     known = {"workbench.a": None, "workbench.b": None}
-    there = arrows_of("workbench.a", "def f():\n    from workbench.b import x", known)
-    back = arrows_of("workbench.b", "if TYPE_CHECKING:\n    from workbench.a import X", known)
+    there = arrows_of("workbench.a", ast.parse("def f():\n    from workbench.b import x"), known)
+    back = arrows_of("workbench.b", ast.parse("if TYPE_CHECKING:\n    from workbench.a import X"), known)
     assert set(circle_in(graph_of([*there, *back]))) == set(known)
     assert set(circle_in({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}})) == {"a", "b", "c"}
     assert circle_in({"a": {"b"}, "b": {"c"}, "d": {"a"}}) == []
@@ -194,20 +226,7 @@ def test_the_package_needs_no_tests() -> None:
     assert not wrong, "\n".join(wrong)
 
 
-def defined_in(tree: ast.Module) -> set[str]:
-    """Return the names of the functions, classes and variables that a module defines."""
-    nodes = list(ast.walk(tree))
-    blocks = {n.name for n in nodes if isinstance(n, ast.FunctionDef | ast.ClassDef)}
-    return blocks | {n.id for n in nodes if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
-
-
-def used_in(tree: ast.Module) -> set[str]:
-    """Return what is used in a module by name: its docstrings name attributes of these."""
-    arguments = {n.arg for n in ast.walk(tree) if isinstance(n, ast.arg)}
-    return arguments | {n.id for n in ast.walk(tree) if isinstance(n, ast.Name)} | defined_in(tree)
-
-
-def pointless(text: str | None, used: set[str], defined: Mapping[str, set[str]]) -> list[str]:
+def pointless(text: str | None, used: frozenset[str] | set[str], defined: Mapping[str, set[str]]) -> list[str]:
     """Return the dotted names of a docstring that stand for nothing.
 
     Args:
@@ -221,17 +240,15 @@ def pointless(text: str | None, used: set[str], defined: Mapping[str, set[str]])
 
 def test_docstrings_point_to_what_is_there() -> None:
     defined: dict[str, set[str]] = {}
-    trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in modules().values()}
-    for path, tree in trees.items():
+    for name, one in seen().items():
+        path = modules()[name]
         for home in (path.stem, *path.relative_to(ROOT).parts[:-1]):
-            defined.setdefault(home, set()).update(defined_in(tree), {path.stem})
+            defined.setdefault(home, set()).update(one.defined, {path.stem})
     wrong = [
-        f"{path.relative_to(ROOT)}: {name}"
-        for path, tree in trees.items()
-        for used in [used_in(tree)]
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
-        for name in pointless(ast.get_docstring(node), used, defined)
+        f"{module}: {name}"
+        for module, one in seen().items()
+        for text in one.docstrings
+        for name in pointless(text, one.used, defined)
     ]
     assert not wrong, "\n".join(wrong)
     text = "See `gone.read`, `a.gone`, `a.b`, `x.y`, `math.inf`."

@@ -97,8 +97,13 @@ def test_a_crash_when_all_was_told_and_what_was_printed_stand_there_too(
     assert any(note.startswith(told) for note in notes), notes
 
 
-@pytest.mark.parametrize("call", ["terminate", "freeInstance"])
-@pytest.mark.parametrize("what", ARGUMENTS)
+@pytest.mark.parametrize(
+    ("what", "call"),
+    [
+        *((what, "terminate") for what in ARGUMENTS),
+        *((what, "freeInstance") for what in ("check", "lin", "modes", "nfr")),
+    ],
+)
 def test_no_answer_is_lost_where_the_fmu_crashes_at_its_end(folder: Path, what: str, call: str) -> None:
     assert run([*words_of(folder, what, "segfault", call), "--json", "out.json"]) in (0, 1)
     record = json.loads((folder / "out.json").read_text())

@@ -469,7 +469,7 @@ def test_what_is_finished_outlives_a_server_that_is_killed(tmp_path: Path, monke
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     folder = tmp_path / "root"
     folder.mkdir()
-    sweep = {"band": "0.5:10", "ratio": "1.05", "method": "settle", "errcrit": "1e-6", "max_periods": "60"}
+    sweep = {"band": "0.5:10", "ratio": "1.1", "method": "settle", "errcrit": "1e-6", "max_periods": "60"}
     with browser_workbench(folder) as server:
         done = server.ended(server.begin("nfr", "fmu:Rudder", **POINTS))
         report = server.ask("GET", f"/api/works/{done['number']}/report.html").body
