@@ -81,7 +81,7 @@ def bound(model: wb.Linear, points: Points) -> Floats:
     return np.asarray(both[: len(frequency)] + both[len(frequency) :])
 
 
-@pytest.mark.parametrize("shape", [(1, 2), (2, 1), (2, 2), (2, 3), (3, 2)])
+@pytest.mark.parametrize("shape", [(1, 2), (2, 2), (3, 2)])
 def test_exact_responses_give_the_poles_and_the_order(shape: tuple[int, int]) -> None:
     model = plant(7, 4, *shape)
     first, *others = curves(model)
@@ -123,14 +123,14 @@ def test_errors_of_the_poles_are_what_they_scatter_by() -> None:
     model = plant(3, 3, 1, 2)
     true = np.sort_complex(model.poles)
     off, said = [], []
-    for seed in range(40):
+    for seed in range(20):
         first, *others = curves(model, 0.01, seed)
         found = wb.fit(first, also=others, order=3, accuracy=0.0)
         order = np.argsort(found.poles)
         off.append(np.abs(found.poles[order] - true))
         said.append(found.pole_spread[order])
     measured = np.sqrt(np.mean(np.square(off), axis=0))
-    # Of 40 the root mean square is known to about 11 %.
+    # Of 20 the root mean square is known to about 16 %.
     assert np.median(said, axis=0) == pytest.approx(measured, rel=0.4)
 
 

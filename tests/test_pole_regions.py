@@ -57,9 +57,8 @@ def test_a_pair_far_from_others_has_the_ellipse_of_its_first_order_errors() -> N
 
 @pytest.mark.parametrize(
     ("roots", "size"),
-    [([0.6 + 0.5j, 0.6 - 0.5j], 0.02), ([0.6, 0.6], 0.003), ([0.6 + 0.05j, 0.6 - 0.05j], 0.003),
-     ([0.9, 0.65, 0.55], 0.002)],
-)  # fmt: skip
+    [([0.6 + 0.5j, 0.6 - 0.5j], 0.02), ([0.6, 0.6], 0.003), ([0.9, 0.65, 0.55], 0.002)],
+)
 def test_regions_of_drawn_equations_hold_the_roots_as_often_as_they_say(roots: list[complex], size: float) -> None:
     """Coefficients are normal; roots are not, least where two meet. Ellipses around bent sets hold more."""
     random, count = np.random.default_rng(3), 150
