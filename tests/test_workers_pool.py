@@ -29,6 +29,7 @@ from workbench.jobs.worker_process import WorkerProcess
 
 ROOT = Path(__file__).resolve().parent.parent
 linux = pytest.mark.skipif(not memory_limit_works(), reason="this platform enforces no memory limit")
+pytestmark = pytest.mark.usefixtures("started_workers")
 
 Outcome = dict[tuple[Any, ...], list[Any]]
 

@@ -29,6 +29,7 @@ from workbench.jobs.runner import Lost, Reply
 from workbench.jobs.worker_process import WorkerProcess
 
 linux = pytest.mark.skipif(not memory_limit_works(), reason="this platform enforces no memory limit")
+pytestmark = pytest.mark.usefixtures("started_workers")
 
 
 ORPHANS = """
