@@ -53,7 +53,7 @@ NUMERICAL = (
     *("modes", "reduction", "spectra", "subspace", "trim", "validate"),
 )
 # And of the published figures: linear models, identification, orders; not what is simulated.
-NUMERICAL_FIGURES = ("3", "6", "7", "feed-forward-orders")
+NUMERICAL_FIGURES = ("3", "6", "7", "feed-forward-orders", "feed-forward-cancelled", "feed-forward-mirrored")
 
 # The oldest x86 processor that OpenBLAS knows: 128-bit vectors without fused multiplication, so that it differs most
 # from what a present machine takes by itself.
