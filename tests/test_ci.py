@@ -307,9 +307,15 @@ def test_an_envelope_has_a_case_for_each_point(tmp_path: Path, monkeypatch: pyte
 
 
 @pytest.mark.parametrize("words", [["check", "fmu:FirstOrderLag"], ["run", "lag.toml"]])
-def test_junit_is_xml(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_junit_is_xml(
+    words: list[str], capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    study = Path("lag.toml")
+    study.write_text(ENVELOPE, encoding="utf-8")
     assert run([*words, "--junit", "lag.toml"]) == 2
     assert "--junit: 'lag.toml' must end in .xml" in capsys.readouterr().err
+    assert study.read_text(encoding="utf-8") == ENVELOPE
 
 
 # -- what GitHub is told ------------------------------------------------------------------------------

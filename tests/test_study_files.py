@@ -41,7 +41,7 @@ BROKEN: dict[str, tuple[str, str, str]] = {
     "wrong type of an option": ("freq =", 'max-periods = "x"\nfreq =', "key 'max-periods': 'x' is not a whole number"),
     "text in a list": ("amplitude = 1", 'amplitude = [1, "two"]', "key 'amplitude': 'two' is not a number"),
     "half a band": ("freq = [0.01, 0.1, 1]", "band = [0.1]", "key 'band': takes two numbers, not 1"),
-    "values without names": ("amplitude = 1", "amplitude = 1\nset = [1]", "'[1]' is not of the form NAME = VALUE"),
+    "values without names": ("amplitude = 1", "amplitude = 1\nset = [1]", "'[1]' does not say of what"),
     "a table for a number": ("amplitude = 1", "amplitude = {a = 1}", "key 'amplitude' is not a table"),
     "misspelt model": ('"lag"\ninput', '"lug"\ninput', "[analyses.response]: model 'lug' is unknown; did you mean"),
     "no model": ('model = "lag"\n', "", "[analyses.response]: key 'model' is missing; models: lag"),

@@ -29,8 +29,8 @@ __all__ = ["Output", "check_kind"]
 
 _PICTURES = (".png", ".svg", ".pdf")
 _PAGES = (".html", ".htm")
-_JSON, _CSV, _MAT = ".json", ".csv", ".mat"
-_FOREIGN = (*_PICTURES, *_PAGES, _JSON, _CSV, _MAT, ".fmu", ".toml", ".xml")  # what names another kind of file
+_JSON, _CSV, _MAT, _XML = ".json", ".csv", ".mat", ".xml"
+_FOREIGN = (*_PICTURES, *_PAGES, _JSON, _CSV, _MAT, _XML, ".fmu", ".toml")  # what names another kind of file
 
 
 class Output:
@@ -74,12 +74,14 @@ class Output:
         self._unwritten: dict[str, InputError] = {}
         if json == csv == "-":
             raise InputError("--json and --csv cannot both go to standard output; give one of them a file")
-        for option, path in (("--json", json), ("--csv", csv), ("--mat", mat), ("--plot", plot), ("--report", report)):
+        files = {"--json": json, "--csv": csv, "--mat": mat, "--plot": plot, "--report": report, "--junit": junit}
+        for option, path in files.items():
             if path is not None and path != "-":
                 file_to_write(path, option=option)
         check_kind("--json", json, _JSON)
         check_kind("--csv", csv, _CSV)
         check_kind("--mat", mat, _MAT)
+        check_kind("--junit", None if junit is None else str(junit), _XML)
         if self.plot is not None and self.plot.suffix.lower() not in _PICTURES:
             raise InputError(f"--plot: '{plot}' must end in one of {', '.join(_PICTURES)}")
         if self.report is not None and self.report.suffix.lower() not in _PAGES:

@@ -109,7 +109,6 @@ def run(
         )
     if no_store and (store is not None or fresh):
         raise InputError("--no-store and --store or --fresh: only one of them")
-    _check_junit(junit)
     out = Output("run", json=json, csv=csv, report=report, junit=junit, judged=True)
     folder = None if no_store else store or default_store(study)
     with out.failing():
@@ -135,15 +134,6 @@ def _print_example(name: str) -> int:
 
     sys.stdout.write(locate_study(name).read_text(encoding="utf-8"))
     return 0
-
-
-def _check_junit(path: Path | None) -> None:
-    from workbench.cli.output import check_kind
-    from workbench.core.machine.files import file_to_write
-
-    check_kind("--junit", str(path or ""), ".xml")
-    if path is not None:
-        file_to_write(path, option="--junit")
 
 
 def _run(prepared: StudyRun, workers: Workers, *, kept: bool, update: bool) -> StudyResult:

@@ -174,9 +174,7 @@ def table(value: Any) -> dict[str, Any]:  # noqa: ANN401 - what Python or a TOML
         ValueError: the values have no names.
     """
     if not isinstance(value, Mapping | None):
-        raise ValueError(
-            f"'{value}' does not say of what these are the values; give names with them, as in {{'u': 1.0}}"
-        )
+        raise ValueError(f"'{value}' does not say of what these are the values; give a name with each")
     return {str(name): plain(x) for name, x in (value or {}).items()}
 
 
