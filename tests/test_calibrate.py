@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from collections.abc import Mapping
@@ -66,6 +67,28 @@ def test_estimate_and_error_are_those_of_the_closed_form() -> None:
         100.0 * (1.0 - np.linalg.norm(y - lag(tau)) / np.linalg.norm(y - y.mean()))
     )
     assert found.runs < 40
+
+
+def test_what_inputs_do_between_samples_is_told_where_it_matters() -> None:
+    t = DT * np.arange(300)
+    u = np.sin(0.9 * t) + np.sin(2.3 * t + 1.0)
+    a, x = math.exp(-DT / TAU), [0.0]
+    for now, then in itertools.pairwise(u):  # the closed form for straight lines
+        x.append(a * x[-1] + (1.0 - a) * now + (1.0 - TAU / DT * (1.0 - a)) * (then - now))
+    straight = np.array(x) + np.random.default_rng(8).normal(0.0, SIGMA, len(u))
+    truly_held = lag(TAU, u) + np.random.default_rng(8).normal(0.0, SIGMA, len(u))
+    for y, interpolate, told in (
+        (straight, "hold", True),
+        (straight, "linear", False),
+        (truly_held, "hold", False),
+        (noisy(), "hold", False),
+    ):
+        found = calibrated(record(y, u if len(y) == len(u) else U), noise="white", interpolate=interpolate)
+        notes = [note for note in found.notes if note.startswith("between samples")]
+        assert len(notes) == told
+        assert all("straight lines" in note and "tau moves" in note for note in notes)
+        p = found.of("tau")
+        assert ((p.low or 0.0) < TAU < (p.high or 0.0)) is not told
 
 
 def test_profile_is_that_of_the_closed_form() -> None:
@@ -249,7 +272,7 @@ def test_the_next_experiment_narrows_the_region_as_predicted() -> None:
     found = calibrated(first, noise="white", next_inputs={"u": 1.0})
     asked = found.next_experiment
     assert asked is not None
-    design = parse_design("prbs", asked.signal.removeprefix("--prbs "))
+    design = parse_design("prbs", asked.signal.removeprefix("prbs "))
     values = design.sequences(1, dt=DT, samples=len(U), validation=0).identification.values[: len(U), 0]
     u = U.mean() + values
     second = record(lag(TAU, u) + np.random.default_rng(8).normal(0.0, SIGMA, len(u)), u)
@@ -262,7 +285,7 @@ def test_the_next_experiment_narrows_the_region_as_predicted() -> None:
     assert next(one.criterion for one in asked.tried if one.signal == asked.signal) == best
     slow = calibrated(first, noise="white", next_inputs={"u": 1.0}, next_rate={"u": 5.0}).next_experiment
     assert slow is not None
-    assert "--multisine" in slow.signal
+    assert "multisine" in slow.signal
 
 
 @pytest.mark.parametrize(

@@ -175,7 +175,7 @@ def test_python_says_what_was_given_and_what_is_wanted(tmp_path: Path, monkeypat
         said: Any = lag  # what is wrong for a type checker, too
         with pytest.raises(wb.InputError, match=r"^band: falls from 5 to 1 Hz; give the lower frequency first"):
             wb.nfr(lag, "u", "y", band=(5, 1), amplitudes=[1.0])
-        with pytest.raises(wb.InputError, match=r"^u0: '\[1.0\]' does not say of what .* as in {'u': 1.0}$"):
+        with pytest.raises(wb.InputError, match=r"^u0: '\[1.0\]' does not say of what .* give a name with each$"):
             wb.trim(said, u0=[1.0])  # type: ignore[arg-type]
         with pytest.raises(wb.InputError, match=r"^x0: the model has no state or input 'z'; known: u, x$"):
             wb.trim(lag, x0={"z": 1.0})

@@ -145,6 +145,6 @@ def _named(design: FilterDesign) -> str:
     """Return a design as `excite` takes it."""
     sizes = ":".join(f"{x:g}" for x in np.atleast_1d(design.amplitude))  # type: ignore[attr-defined]
     if isinstance(design, MultisineDesign):
-        return f"--multisine band={design.band[0]:.4g}:{design.band[1]:.4g},amplitude={sizes},periods={design.periods}"
+        return f"multisine band={design.band[0]:.4g}:{design.band[1]:.4g},amplitude={sizes},periods={design.periods}"
     rate = f",rate={design.rate:.6g}" if isinstance(design, PrbsDesign) and design.rate is not None else ""
-    return f"--prbs amplitude={sizes}{rate}"
+    return f"prbs amplitude={sizes}{rate}"

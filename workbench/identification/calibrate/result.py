@@ -153,7 +153,7 @@ class TriedSignal(RecordPart):
     """A signal that was considered.
 
     Attributes:
-        signal: as `excite` takes it.
+        signal: as `excite` takes it: the kind, and its design.
         criterion: what is to be large; None: the model cannot be run with it.
     """
 
@@ -167,7 +167,7 @@ class NextExperiment(RecordPart):
 
     Attributes:
         inputs: that are forced, about their means in the data.
-        signal: as `excite` takes it.
+        signal: as `excite` takes it: the kind, and its design.
         dt: sampling interval [s].
         samples: how many.
         criterion: "D" or "A".
@@ -187,8 +187,11 @@ class NextExperiment(RecordPart):
     def words(self) -> tuple[str, ...]:
         """The experiment, and what it would bring."""
         shrink = ", ".join(f"{name} {100.0 * ratio:.0f} %" for name, ratio in self.narrower.items())
-        how = f"{self.signal} --step {self.dt:g} --samples {self.samples}"
-        return f"excite … --input {','.join(self.inputs)} {how}", f"standard errors with it, of those without: {shrink}"
+        names = ",".join(self.inputs)
+        return (
+            f"workbench excite … --input {names} --{self.signal} --step {self.dt:g} --samples {self.samples}",
+            f"standard errors with it, of those without: {shrink}",
+        )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

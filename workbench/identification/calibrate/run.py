@@ -62,6 +62,7 @@ def run(model: Model, request: Calibrate, job: Job) -> CalibrateResult:
         result = _record(model, found, known, [*notes, *found_out, *found.notes])
         job.partial = lambda: result
         result = _looked_at(result, found, known, work)
+        result = replace(result, notes=(*result.notes, *_between_samples(found, known, work)))
         if request.next_inputs:
             result = replace(result, next_experiment=next_experiment(found, known, request, work.posed(found)))
         compared = work.compared(others, found) if others else ()
@@ -118,6 +119,34 @@ def _doubts(data: Sequence[Experiment]) -> Iterator[str]:
             yield f"input '{name}' does not move in the data: what acts by its changes alone cannot be seen"
     if not names and not any(isinstance(one, ResponseData) for one in data):
         yield "no input was measured: all stay at their start values"
+
+
+def _between_samples(found: Estimate, known: Information, work: _CalibrationWork) -> Iterator[str]:
+    """Yield a note where another motion of the inputs between samples gives other values, and explains the data, too.
+
+    Those values follow from one Gauss-Newton step.
+    """
+    problem, held = found.problem, work.request.interpolate == "hold"
+    if not any(np.ptp(one.u) > 0.0 for one in problem.data if one.u.size and not isinstance(one, ResponseData)):
+        return
+    other = replace(work, request=replace(work.request, interpolate="linear" if held else "hold"))
+    e = other.problem(problem.data, problem.quantities, problem.noise)[0].residuals(found.z)
+    J = problem.whitened(found.gradient)[0][:, known.free]
+    if not np.all(np.isfinite(e)) or not J.size:
+        return
+    step = np.linalg.lstsq(J, e, rcond=None)[0]
+    moved = np.where(known.open[known.free], 0.0, np.abs(step) / known.errors[known.free])
+    worse = float(np.sum((e - J @ step) ** 2) - np.sum(problem.residuals(found.z) ** 2))
+    most = int(np.argmax(moved))
+    if moved[most] < 1.0 or worse > known.quantile**2:
+        return
+    now, then = ("held", "straight lines") if held else ("straight lines", "held")
+    fit = "better" if worse < 0.0 else "as well"
+    name = [q.name for q, free in zip(problem.quantities, known.free, strict=True) if free][most]
+    yield (
+        f"between samples the inputs are taken as {now}; taken as {then} the model fits {fit}, and {name} moves by "
+        f"about {moved[most]:.2g} standard errors: say which it is with `interpolate`"
+    )
 
 
 def _guessed(data: Sequence[Experiment], request: Calibrate) -> ColouredNoise:
