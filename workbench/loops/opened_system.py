@@ -161,6 +161,7 @@ def linear_between(
     u: Mapping[str, float],
     time: float,
     method: str = "auto",
+    in_process: bool = False,
 ) -> LinResult:
     """Return the linear model between inputs and outputs of a changed system.
 
@@ -172,6 +173,7 @@ def linear_between(
         u: values of inputs, likewise.
         time: session time [s].
         method: of `lin`.
+        in_process: of `lin`.
 
     Raises:
         InputError, FmuError, SimulationError: see `lin`.
@@ -186,4 +188,5 @@ def linear_between(
         outputs=list(outputs),
         time=time,
         method=method,
+        in_process=in_process,
     )

@@ -56,13 +56,18 @@ class CutLoop:
     _system: SystemDescription
 
     @contextmanager
-    def opened(self) -> Iterator[DescribedModel]:
+    def opened(
+        self, change: Callable[[SystemDescription], SystemDescription] = lambda system: system
+    ) -> Iterator[DescribedModel]:
         """Give the system with the loop open.
 
         Its input "loop.passed" goes where the signal went, biased at the signal's value; its output "loop.returned" is
         what comes back.
+
+        Args:
+            change: of the opened system, which keeps its connections.
         """
-        with self._open(_broken, {PASSED: self.value}) as model:
+        with self._open(_broken, {PASSED: self.value}, change) as model:
             yield model
 
     @contextmanager
@@ -75,11 +80,18 @@ class CutLoop:
             yield model
 
     @contextmanager
-    def _open(self, make: _Make, bias: Mapping[str, float]) -> Iterator[DescribedModel]:
+    def _open(
+        self,
+        make: _Make,
+        bias: Mapping[str, float],
+        change: Callable[[SystemDescription], SystemDescription] = lambda system: system,
+    ) -> Iterator[DescribedModel]:
         recipe = self.model.recipe
         held = {} if self.point is None else self.point.u
         kept = {name: value for name, value in recipe.bias.items() if name not in held}
-        opened = replace(recipe, system=_cut(self._system, self.place, make), bias={**kept, **bias}, at=self.point)
+        opened = replace(
+            recipe, system=change(_cut(self._system, self.place, make)), bias={**kept, **bias}, at=self.point
+        )
         with opened.open() as model:
             yield model
 

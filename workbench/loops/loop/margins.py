@@ -27,13 +27,14 @@ from workbench.loops.nyquist.level_crossings import gain_crossings, real_crossin
 __all__ = ["curve_margins", "margins_of", "peak", "withheld"]
 
 
-def margins_of(loop: LinearPart) -> Margins:
+def margins_of(loop: LinearPart, *, peaks: bool = True) -> Margins:
     """Return the margins of a loop transfer L, exact over all frequencies.
 
     Sampled: up to the Nyquist frequency; the delay margin is that of a delay in whole samples read as a real number.
 
     Args:
         loop: L for negative feedback, closed loop 1/(1 + L).
+        peaks: whether to find the peaks of |S| and |T| and the disk margin, too, which takes longest; NaN without.
 
     Raises:
         InputError: the closed loop has no solution (L is -1 at infinite frequency).
@@ -44,13 +45,15 @@ def margins_of(loop: LinearPart) -> Margins:
     result = stability_of(loop)
     s, t = loop.sensitivity(), loop.complementary()
     on_border = result.verdict == BORDER
-    at_s, at_t = ((math.inf, math.nan),) * 2 if on_border else (peak(s), peak(t))
+    at_s, at_t = ((math.inf if on_border else math.nan, math.nan),) * 2
+    if peaks and not on_border:
+        at_s, at_t = peak(s), peak(t)
     return Margins(
         verdict=result.verdict,
         words=result.words,
         phase_crossovers=tuple(_phase_crossovers(loop)),
         gain_crossovers=tuple(GainCrossover.of(f, loop.at(f)) for f in gain_crossings(loop)),
-        disk=disk_of(*peak(_difference(s))) if result.stable else None,
+        disk=disk_of(*peak(_difference(s))) if peaks and result.stable else None,
         peak_sensitivity=at_s[0],
         peak_sensitivity_hz=at_s[1],
         peak_complementary=at_t[0],

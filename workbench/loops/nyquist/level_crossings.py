@@ -32,9 +32,9 @@ def gain_crossings(f: LinearPart) -> list[float]:
         f: transfer function, continuous or sampled.
     """
 
-    def level(frequency: float) -> float:
-        size = abs(f.at(frequency))
-        return float(np.log(size)) if 0.0 < size < np.inf else np.nan if np.isnan(size) else -np.inf
+    def level(frequency: Floats) -> Floats:
+        with np.errstate(divide="ignore"):
+            return np.log(np.abs(f.response(frequency)))
 
     return _roots(level, level_frequencies(f, _gain_pencil), f.highest_hz)
 
@@ -48,12 +48,14 @@ def real_crossings(f: LinearPart) -> list[float]:
         f: transfer function, continuous or sampled.
     """
 
-    def imaginary(frequency: float) -> float:
-        value = f.at(frequency)
-        return value.imag / abs(value) if abs(value.imag) > _ROUNDING * abs(value) else 0.0
+    def imaginary(frequency: Floats) -> Floats:
+        value = f.response(frequency)
+        size = np.abs(value)
+        there = ~(np.abs(value.imag) <= _ROUNDING * size)  # NaN stays NaN
+        return np.divide(value.imag, size, out=np.zeros(len(size)), where=there)
 
-    result = _roots(imaginary, level_frequencies(f, _odd_pencil), f.highest_hz)
-    return [x for x in result if abs(imaginary(x)) < _REAL]
+    result = np.array(_roots(imaginary, level_frequencies(f, _odd_pencil), f.highest_hz))
+    return [] if not len(result) else result[np.abs(imaginary(result)) < _REAL].tolist()
 
 
 def scan(f: LinearPart, candidates: Floats | None = None) -> Floats:
@@ -69,17 +71,18 @@ def scan(f: LinearPart, candidates: Floats | None = None) -> Floats:
     return grid[grid < f.highest_hz]
 
 
-def _roots(g: Callable[[float], float], candidates: Floats, highest: float) -> list[float]:
-    """Return where g changes its sign."""
+def _roots(g: Callable[[Floats], Floats], candidates: Floats, highest: float) -> list[float]:
+    """Return where g, a function of frequencies, changes its sign."""
     if not len(candidates):
         return []
     ends = [candidates[0] * 0.5, min(candidates[-1] * 2.0, _below(highest))]
     samples = np.log(np.unique(np.concatenate([np.sqrt(candidates[1:] * candidates[:-1]), ends])))
 
     def at(t: float) -> float:
-        return g(float(np.exp(t)))
+        return float(g(np.exp([t]))[0])
 
-    signs = [(t, v) for t in samples.tolist() if not np.isnan(v := at(t)) and v != 0.0]
+    values = g(np.exp(samples))
+    signs = [(t, v) for t, v in zip(samples.tolist(), values.tolist(), strict=True) if not np.isnan(v) and v != 0.0]
     steps = [(a, b) for (a, u), (b, v) in pairwise(signs) if (u < 0.0) != (v < 0.0)]
     return [float(np.exp(brentq(at, a, b, xtol=1e-14, rtol=1e-14))) for a, b in steps]
 
