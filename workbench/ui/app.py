@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import os
 from collections.abc import AsyncIterator, Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,10 +28,11 @@ from workbench.show.result import picture_of
 from workbench.ui.curves import curves_of, signals_of, stored_curves
 from workbench.ui.diagram import PALETTE, drawn, edited
 from workbench.ui.forms import MEASURED, FormError, form_of
-from workbench.ui.jobs import Desk, Work
-from workbench.ui.loop import loop_at
-from workbench.ui.root import NotHereError, kind_of
+from workbench.ui.jobs import Desk
+from workbench.ui.root import NotHereError, has_envelope, kind_of
 from workbench.ui.study import study_of
+from workbench.ui.tune import Tuning
+from workbench.ui.work import Work
 
 __all__ = ["app_of"]
 
@@ -41,6 +44,7 @@ _REPORT = {"Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inl
 _PICTURES = {".png": "image/png", ".svg": "image/svg+xml", ".pdf": "application/pdf"}
 _ALIVE = 15.0  # a stream says so often that it is there [s]
 _LARGEST = 1 << 20  # of what is sent here [byte]
+_NAME = 80  # of a work, at most [characters]
 _DIGITS = 18  # of the number of a work or an event, at most
 
 
@@ -49,6 +53,7 @@ class _Server:
 
     def __init__(self, desk: Desk) -> None:
         self.desk = desk
+        self.tuning = Tuning(desk.root)
 
     # -- what there is ------------------------------------------------------------------------
 
@@ -110,6 +115,17 @@ class _Server:
         """Begin a stopped work again, after what it has finished."""
         return JSONResponse(self.desk.go_on(self._work(request)).to_dict(), 201)
 
+    async def rename(self, request: Request) -> Response:
+        """Give a work a name."""
+        name = str((await _sent(request)).get("name", "")).strip()
+        self._work(request).rename(name[:_NAME])
+        return JSONResponse({})
+
+    def remove(self, request: Request) -> Response:
+        """Throw away a work that has ended."""
+        self.desk.remove(self._work(request))
+        return JSONResponse({})
+
     async def events(self, request: Request) -> Response:
         """Answer with what happens, as server-sent events; a browser that comes back is told what it missed."""
         given = request.headers.get("last-event-id") or request.query_params.get("last") or "0"
@@ -150,6 +166,11 @@ class _Server:
         page = work.report(self.desk.drawings).result()
         return Response(page, media_type="text/html", headers=_REPORT)
 
+    def page(self, request: Request) -> Response:
+        """Answer with the sections of the record's page, and with the modes of a linear model."""
+        work, _ = self._with_record(request)
+        return Response(work.sections(self.desk.drawings).result(), media_type="application/json")
+
     def picture(self, request: Request) -> Response:
         _, record = self._with_record(request)
         suffix = "." + request.path_params["kind"]
@@ -171,17 +192,22 @@ class _Server:
             record.to_csv(folder / "data.csv")
             return Response((folder / "data.csv").read_bytes(), media_type="text/csv")
 
-    def loop(self, request: Request) -> Response:
-        """Answer with the margins and the closed loop at another gain."""
-        _, record = self._with_record(request)
-        try:
-            gain = float(request.query_params.get("gain", "1"))
-        except ValueError:
-            raise InputError("gain: not a number") from None
-        result = loop_at(record, gain, locus="locus" in request.query_params)
-        if result is None:
-            raise HTTPException(404, "there is no linear loop")
-        return JSONResponse(result)
+    # -- loops that are tuned -----------------------------------------------------------------------
+
+    async def tune(self, request: Request) -> Response:
+        """Answer with the parameters of a loop, with what becomes of it at other values, or measure it there."""
+        sent = await _sent(request)
+        name, where, values = str(sent.get("name", "")), str(sent.get("open", "")), sent.get("values")
+        if values is None:
+            return JSONResponse(await run_in_threadpool(self.tuning.begin, name, where))
+        given = {str(key): _finite(key, value) for key, value in dict(values).items()}
+        measured = sent.get("measure")
+        if isinstance(measured, dict):
+            path = await run_in_threadpool(self.tuning.draft, name, given)
+            begin = partial(self.desk.begin, "loop", [name], measured, aside=True, paths=[str(path)])
+            return JSONResponse((await run_in_threadpool(begin)).to_dict(), 201)
+        found = await run_in_threadpool(self.tuning.at, name, where, given, locus=bool(sent.get("locus")))
+        return JSONResponse(found)
 
     # -- systems and studies ------------------------------------------------------------------------
 
@@ -192,9 +218,10 @@ class _Server:
         return JSONResponse({"name": name, "curves": curves, "notes": notes})
 
     def text(self, request: Request) -> Response:
-        """Answer with the text of a system or a study."""
+        """Answer with the text of a system or a study, and whether it has an envelope."""
         name = request.query_params.get("name", "")
-        return JSONResponse({"name": name, "text": self.desk.root.text_of(name)})
+        text = self.desk.root.text_of(name)
+        return JSONResponse({"name": name, "text": text, "envelope": has_envelope(text)})
 
     async def diagram(self, request: Request) -> Response:
         """Answer with what the text of a system says, after a change if one is asked for."""
@@ -258,6 +285,13 @@ class _Server:
         return work, work.record
 
 
+def _finite(name: object, value: object) -> float:
+    """Return the value of a parameter."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise InputError(f"{name}: {value!r} is not a number")
+    return float(value)
+
+
 def _number(text: str) -> int | None:
     """Return a number of a work or an event; None: it is none, as Python reads no number of thousands of digits."""
     return int(text) if text.isascii() and text.isdigit() and len(text) <= _DIGITS else None
@@ -312,8 +346,10 @@ def app_of(desk: Desk) -> Starlette:
         Route("/api/works/{number}", server.work),
         Route("/api/works/{number}/stop", server.stop, methods=["POST"]),
         Route("/api/works/{number}/go-on", server.go_on, methods=["POST"]),
+        Route("/api/works/{number}/name", server.rename, methods=["POST"]),
+        Route("/api/works/{number}/remove", server.remove, methods=["POST"]),
         Route("/api/works/{number}/keep", server.keep_record, methods=["POST"]),
-        Route("/api/works/{number}/loop", server.loop),
+        Route("/api/works/{number}/page", server.page),
         Route("/api/works/{number}/report.html", server.report),
         Route("/api/works/{number}/picture.{kind}", server.picture),
         Route("/api/works/{number}/data.{kind}", server.data),
@@ -321,6 +357,7 @@ def app_of(desk: Desk) -> Starlette:
         Route("/api/text", server.text),
         Route("/api/text", server.keep, methods=["POST"]),
         Route("/api/diagram", server.diagram, methods=["POST"]),
+        Route("/api/tune", server.tune, methods=["POST"]),
         Route("/api/study.toml", server.study),
         Mount("/static", _Static(directory=STATIC)),
     ]

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workbench.core.records.record import plain
+from workbench.core.values.decibels import decibels
 from workbench.core.values.response import Response
 from workbench.jobs.store import contents
+from workbench.ui.marks import margin_marks, response_marks
 
 # The server names what a record is, and imports no analysis for it: the page is there before python-control is.
 if TYPE_CHECKING:
@@ -34,7 +36,8 @@ def curves_of(record: object) -> list[dict[str, Any]]:
     """Return the frequency responses that a record holds, ready for JSON.
 
     Each has a `label`, what it is (`kind`: "measured", "linear", "branch"), `frequency_hz`, `re` and `im` of output
-    over input, and lists as long as these where they are known: `error` (relative), `status`, `stable`.
+    over input, and lists as long as these where they are known: `error` (relative), `status`, `stable`; and `marks`
+    of its resonance and the like, see `response_marks`.
 
     Args:
         record: any.
@@ -67,9 +70,10 @@ def of_response(curve: Response, label: str, kind: str, **more: Any) -> dict[str
 
 def _nfr(record: NfrResult) -> Iterator[dict[str, Any]]:
     for i, amplitude in enumerate(record.amplitude.tolist()):
+        curve = record.curve(amplitude)
         yield of_response(
-            record.curve(amplitude), with_unit(amplitude, record.input_unit), "measured",
-            amplitude=amplitude, status=record.status[i], stable=record.stable[i],
+            curve, with_unit(amplitude, record.input_unit), "measured", amplitude=amplitude, status=record.status[i],
+            stable=record.stable[i], marks=response_marks(curve.frequency_hz, curve.value),
         )  # fmt: skip
     yield from (_branch(b, i, record) for i, b in enumerate(record.branches))
 
@@ -86,14 +90,22 @@ def _branch(branch: ResponseBranch, number: int, record: NfrResult | BranchesRes
         branch.frequency_hz, value, input=record.input, output=record.output,
         input_unit=record.input_unit, output_unit=record.output_unit, amplitude=branch.amplitude,
     )  # fmt: skip
-    return of_response(response, f"branch {number + 1}{at}", "branch", stable=branch.stable, amplitude=branch.amplitude)
+    folds = [
+        {"hz": f.frequency_hz, "db": float(decibels(f.gain)), "text": f"{f.kind} at {f.frequency_hz:.4g} Hz"}
+        for f in record.folds
+        if f.branch == number and f.amplitude == (branch.amplitude if branch.amplitude is not None else f.amplitude)
+    ]
+    return of_response(
+        response, f"branch {number + 1}{at}", "branch", stable=branch.stable, amplitude=branch.amplitude, marks=folds
+    )
 
 
 def _lin(record: LinResult, label: str = "") -> Iterator[dict[str, Any]]:
     pairs = [(u, y) for u in record.input_names for y in record.output_names][:_CURVES]
     for u, y in pairs:
         curve = record.curve(u, y, _band(record))
-        yield of_response(curve, ", ".join(filter(None, [f"lin: {y} by {u}", label])), "linear")
+        marks = response_marks(curve.frequency_hz, curve.value) if len(pairs) == 1 else []
+        yield of_response(curve, ", ".join(filter(None, [f"lin: {y} by {u}", label])), "linear", marks=marks)
 
 
 def _grid(record: LinGrid) -> Iterator[dict[str, Any]]:
@@ -115,7 +127,8 @@ def _loop(record: LoopResult) -> Iterator[dict[str, Any]]:
     if record.linear is not None:
         transfer = record.linear.transfer
         band = record.frequencies(_MANY)
-        yield of_response(Response(band, transfer.response(band)), "loop, linear", "linear")
+        marks = margin_marks(record.linear.margins)
+        yield of_response(Response(band, transfer.response(band)), "loop, linear", "linear", marks=marks)
     for curve in record.curves:
         status = [p.status for p in curve.points]
         response = Response(curve.frequency_hz, curve.value, amplitude=curve.amplitude)

@@ -18,7 +18,7 @@ from workbench.system.block_table.registry import BLOCKS as KINDS
 from workbench.system.block_table.registry import entry_of
 from workbench.ui.root import NotHereError, ServedFolder
 
-__all__ = ["BLOCKS", "EDITS", "PALETTE", "drawn", "edited"]
+__all__ = ["BLOCKS", "EDITS", "PALETTE", "at_home", "drawn", "edited"]
 
 # What can be added: name → entry in the file.
 BLOCKS: Mapping[str, str] = {"gain": "1.0", "sum": '{sum = "+-"}', **{kind: entry_of(kind) for kind in KINDS}}
@@ -160,7 +160,8 @@ def edited(text: str, edit: str, *names: str) -> str:
         text: of the file.
         edit: one of `EDITS`.
         names: for "add" a block of `BLOCKS`, for "connect" an output and an input, for "cut" an input that loses its
-            connection, for "remove" a component, which goes with all that is connected to it.
+            connection, for "remove" a component, which goes with all that is connected to it, for "set" a parameter
+            and its value.
 
     Raises:
         InputError: it is not TOML, no such edit, or the change cannot be made without touching the rest.
@@ -178,6 +179,28 @@ def edited(text: str, edit: str, *names: str) -> str:
     except (InputError, TOMLKitError, KeyError, TypeError, AttributeError, ValueError):
         raise InputError("the picture cannot change this file; edit its text below") from None
     return result
+
+
+def at_home(text: str, folder: Path) -> str:
+    """Return the text of a system file with the paths of its parts as they are from anywhere.
+
+    Args:
+        text: of the file.
+        folder: to which its paths are relative.
+
+    Raises:
+        InputError: it is not TOML.
+    """
+    _read(text)
+    document = tomlkit.parse(text)
+    components = document.get("components", {})
+    for name, given in list(components.items()):
+        table, keys = (given, ("model", "linear")) if isinstance(given, dict) else (components, (name,))
+        for key in keys:
+            file = table.get(key)
+            if isinstance(file, str) and not is_bundled(file) and not is_bundled_system(file):
+                table[key] = str((folder / file).resolve())
+    return tomlkit.dumps(document)
 
 
 def _told(data: Mapping[str, Any]) -> dict[str, Any]:
@@ -236,7 +259,20 @@ def _remove(document: _Table, name: str) -> None:
                 del table[key]
 
 
-EDITS: Mapping[str, Callable[..., None]] = {"add": _add, "connect": _connect, "cut": _cut, "remove": _remove}
+def _set(document: _Table, name: str, value: str) -> None:
+    """Give a parameter of a block or a gain, "component.parameter", another value."""
+    component, _, parameter = name.rpartition(".")
+    number = from_toml(f"value = {value}")["value"]
+    components = document["components"]
+    if isinstance(components[component], int | float):  # the short form of a gain
+        components[component] = number
+    else:
+        components[component][parameter] = number
+
+
+EDITS: Mapping[str, Callable[..., None]] = {
+    "add": _add, "connect": _connect, "cut": _cut, "remove": _remove, "set": _set,
+}  # fmt: skip
 
 
 def _section(document: _Table, name: str) -> _Table:

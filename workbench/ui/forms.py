@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any
 
-from workbench.commands import REQUESTS, request_of
+from workbench.commands import GROUPS, REQUESTS, request_of
 from workbench.core.records.option import DeclaredOption, Option
 from workbench.errors import InputError
 from workbench.model.loading import Loading
@@ -21,7 +21,26 @@ __all__ = ["MEASURED", "OFFERED", "FormError", "form_of", "in_the_form", "reques
 _OTHERS = {"info", "blocks", "identify", "fit", "build", "compile", "export", "compare", "envelope"}
 MEASURED = tuple(name for name in REQUESTS if name not in _OTHERS)
 
-OFFERED = (*MEASURED, "info")  # what is begun for a browser
+OFFERED = (*MEASURED, "info", "envelope")  # what is begun for a browser
+
+# Command → what a person wants to know, in plain words.
+_QUESTIONS: Mapping[str, str] = {
+    "check": "Does it do what it declares?",
+    "delays": "Where are signals delayed, and what does it cost?",
+    "simulate": "How does it move in time?",
+    "trim": "Where is it at rest?",
+    "lin": "What is its linear model: poles, response, matrices?",
+    "modes": "At which parameter does a mode become unstable?",
+    "nfr": "How does it respond to sines of real amplitude?",
+    "branches": "Does its response jump from one motion to another?",
+    "bla": "How does it respond to noise, and how linear is that?",
+    "loop": "What are the margins of this loop?",
+    "limit-cycle": "Does it oscillate by itself?",
+    "onset": "From which amplitude on does a rate limit act?",
+    "feedback": "Which feedback removes an oscillation?",
+    "feed-forward": "Which filter cancels an oscillation?",
+    "excite": "Record data to identify a model from",
+}
 
 _SWITCH, _NUMBER, _WHOLE, _CHOICE, _TEXT, _LIST = "switch", "number", "whole", "choice", "text", "list"
 _TYPES: Mapping[Any, str] = {bool: _SWITCH, float: _NUMBER, int: _WHOLE}
@@ -52,6 +71,8 @@ def form_of(command: str) -> dict[str, Any]:
     first, *_ = inspect.cleandoc(request.__doc__ or "").split("\n\n")
     return {
         "command": command,
+        "question": _QUESTIONS.get(command, " ".join(first.split())),
+        "theme": next((group for group, commands in GROUPS.items() if command in _named_in(commands)), "More"),
         "help": " ".join(first.split()),
         "counts": request.counts,
         "of_system": request.of_system,
@@ -60,6 +81,10 @@ def form_of(command: str) -> dict[str, Any]:
             for name, (d, group) in _options(request).items()
         ],
     }
+
+
+def _named_in(commands: Mapping[str, Mapping[str, str]]) -> set[str]:
+    return {name for requests in commands.values() for name in requests}
 
 
 def _options(request: type[Request[Any, Any]]) -> dict[str, tuple[DeclaredOption, str]]:

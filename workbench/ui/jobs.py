@@ -6,216 +6,32 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from workbench.commands import request_of
-from workbench.core.machine.scratch import scratch
 from workbench.core.records.option import asked_in_json, options_of, values_of
 from workbench.core.records.record import plain
 from workbench.errors import InputError, WorkbenchError, suggest
 from workbench.jobs.job import Job
 from workbench.model.loading import Loading
-from workbench.requests.origin import Origin
 from workbench.requests.request import Request, command_line_of, function
-from workbench.show.facts import is_choice
-from workbench.show.result import write_report
-from workbench.ui.forms import OFFERED, in_the_form, request_of_form, without_flags
-from workbench.ui.kept import Drawer, Shelf, origin_from_json, origin_to_json
+from workbench.ui.forms import OFFERED, in_the_form, request_of_form
+from workbench.ui.kept import Drawer, Shelf
 from workbench.ui.page import headline_of
 from workbench.ui.reports import Drawings
 from workbench.ui.root import ServedFolder
+from workbench.ui.work import DONE, FAILED, RUNNING, STOPPED, WAITING, Work
 
-__all__ = ["Desk", "Task", "Work"]
+__all__ = ["Desk", "Task"]
 
 _ELSEWHERE = {"workers", "progress"}  # where it runs, and who is told: not what is asked for
 _AT_ONCE = 3  # so many run; others wait
 _KEPT = 20_000  # events that a browser which comes back is told
 _PATIENCE = 2.0  # so long is waited for those that are told to stop [s]
-
-# Facts of a work that are kept as they are.
-_KEPT_FACTS = (
-    "given", "asked", "line", "call", "state", "done", "total", "notes", "failure", "headline", "well", "seconds",
-)  # fmt: skip
-
-WAITING, RUNNING, DONE, STOPPED, FAILED = "waiting", "running", "done", "stopped", "failed"
-
-
-class Work:
-    """One request, from when it is asked for until its record is there; also one that an earlier server has run.
-
-    Attributes:
-        number: by which the browser knows it.
-        command: its name, as of `REQUESTS`.
-        kind: class of the request.
-        subject: what it is run on, as the browser names it.
-        given: what was filled in.
-        aside: whether a page asked it beside what a person measures: no list shows it, and no study has it.
-        asked: option → text, as a record's file tells it.
-        line: the command that does the same.
-        call: the same in Python; empty: not known yet.
-        state: "waiting", "running", "done", "stopped" or "failed".
-        done, total: how far it is.
-        points: that were told, ready for JSON.
-        notes: remarks.
-        failure: what went wrong, `kind`, `message`, and the `field` that it is about, if any; empty: nothing.
-        headline: what the page of its record says first, see `headline_of`; empty: there is no record.
-        origin: how the record was made; None: there is none.
-        well: whether the record is what was asked for.
-        seconds: that it took.
-        drawer: where it is kept; None: nowhere.
-    """
-
-    def __init__(self, number: int, command: str, subject: Sequence[str]) -> None:
-        self.number, self.command, self.subject = number, command, tuple(subject)
-        self.kind = request_of(command)
-        self.given: Mapping[str, Any] = {}
-        self.aside = False
-        self.asked: Mapping[str, Any] = {}
-        self.line, self.call = "", ""
-        self.state, self.done, self.total = WAITING, 0, 0
-        self.notes: list[str] = []
-        self.failure: dict[str, str] = {}
-        self.headline: dict[str, Any] = {}
-        self.origin: Origin | None = None
-        self.well = True
-        self.seconds = 0.0
-        self.drawer: Drawer | None = None
-        self._record: Any = None
-        self._points: list[dict[str, Any]] | None = None
-        self._report: Future[bytes] | None = None
-        self._tell: Callable[..., None] = lambda *_, **__: None
-
-    @classmethod
-    def kept(cls, drawer: Drawer) -> Work | None:
-        """Return what an earlier server has run; None: nothing can be read of it.
-
-        Args:
-            drawer: where it is kept.
-        """
-        facts = drawer.facts()
-        try:
-            if facts is None:
-                return None
-            work = cls(drawer.number, facts["command"], facts["subject"])
-            for name in _KEPT_FACTS:
-                setattr(work, name, facts[name])
-            work.origin = origin_from_json(facts["origin"]) if facts["origin"] else None
-        except (WorkbenchError, KeyError, TypeError, ValueError):  # another version's
-            return None
-        work.drawer = drawer
-        if work.open:  # the server ended before
-            work.state = STOPPED
-            work.notes = [*work.notes, "the server ended while this ran"]
-        return work
-
-    @property
-    def open(self) -> bool:
-        """Whether it has not ended."""
-        return self.state in {WAITING, RUNNING}
-
-    @property
-    def record(self) -> Any:  # noqa: ANN401 - any record
-        """What it gave; also what there was when it ended early; None: nothing."""
-        if self._record is None and self.drawer is not None and not self.open:
-            self._record = self.drawer.record()
-        return self._record
-
-    @property
-    def points(self) -> list[dict[str, Any]]:
-        """Points that were told, ready for JSON."""
-        if self._points is None:
-            self._points = [] if self.drawer is None else self.drawer.points()
-        return self._points
-
-    @property
-    def remarks(self) -> list[str]:
-        """What is to be said beside the record, in the words of the form."""
-        return [without_flags(self.kind, text) for text in self._said() if not is_choice(text)]
-
-    def _said(self) -> list[str]:
-        said = [*self.headline.get("notes", ()), *(getattr(self._record, "warnings", None) or ()), *self.notes]
-        return list(dict.fromkeys(map(str, said)))
-
-    @property
-    def goes_on(self) -> bool:
-        """Whether its finished points were kept, so that the rest of it can be measured."""
-        return self.state in {STOPPED, FAILED} and self.drawer is not None and self.drawer.store.is_dir()
-
-    def listen(self, tell: Callable[..., None]) -> None:
-        """Let a function hear what happens: a kind of event, and its facts by name."""
-        self._tell = tell
-
-    def keep(self) -> None:
-        """Let it be something that a person measured: its record was kept."""
-        self.aside = False
-        self._change(self.state)
-
-    def stop(self) -> None:
-        """Let it end soon, with what there is."""
-
-    def report(self, drawings: Drawings) -> Future[bytes]:
-        """Return what will hold its report; it is made once.
-
-        Args:
-            drawings: makes it.
-        """
-        if self._report is None:
-            self._report = drawings.ask(self._written)
-        return self._report
-
-    def _written(self) -> bytes:
-        kept = None if self.drawer is None else self.drawer.report()
-        if kept is not None:
-            return kept
-        with scratch("ui") as folder:
-            write_report(self.record, folder / "report.html", self.origin)
-            page = (folder / "report.html").read_bytes()
-        if self.drawer is not None:
-            self.drawer.write_report(page)
-        return page
-
-    def _change(self, state: str) -> None:
-        self.state = state
-        self._tell("state", **self.to_dict())
-
-    def facts(self) -> dict[str, Any]:
-        """Return what is kept of it beside its record, ready for JSON."""
-        origin = None if self.origin is None else plain(origin_to_json(self.origin))
-        return {
-            "command": self.command,
-            "subject": list(self.subject),
-            **{name: getattr(self, name) for name in _KEPT_FACTS},
-            "origin": origin,
-        }
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what a list shows of it, ready for JSON."""
-        return {
-            "number": self.number,
-            "command": self.command,
-            "subject": list(self.subject),
-            "aside": self.aside,
-            "asked": self.asked,
-            "line": self.line,
-            "call": self.call,
-            "state": self.state,
-            "done": self.done,
-            "total": self.total,
-            "counts": self.kind.counts,
-            "lead": self.headline.get("lead", ""),
-            "verdicts": self.headline.get("verdicts", []),
-            "remarks": self.remarks,
-            "chosen": [text for text in self._said() if is_choice(text)],
-            "failure": self.failure,
-            "well": self.well,
-            "has_record": bool(self.headline),
-            "goes_on": self.goes_on,
-            "seconds": self.seconds,
-        }
 
 
 class Task(Work):
@@ -352,7 +168,10 @@ class Desk:
         self._last = 0
         self._listeners: set[Callable[[], None]] = set()
 
-    def begin(self, command: str, subject: Sequence[str], given: Mapping[str, Any], *, aside: bool = False) -> Work:
+    def begin(
+        self, command: str, subject: Sequence[str], given: Mapping[str, Any], *, aside: bool = False,
+        paths: Sequence[str] = (),
+    ) -> Work:  # fmt: skip
         """Begin a request.
 
         Args:
@@ -360,6 +179,7 @@ class Desk:
             subject: models and files, as the browser names them.
             given: what was filled in, see `request_of_form`.
             aside: see `Work`.
+            paths: drafts of the subject; empty: itself.
 
         Raises:
             FormError: fields that cannot be used.
@@ -371,9 +191,9 @@ class Desk:
         kind = request_of(command).subject
         if (not subject and not kind.optional) or (len(subject) > 1 and not kind.several):
             raise InputError(f"{command} takes {'some' if kind.several else 'one'} {kind.metavar}")
-        paths = [self.root.find(name) for name in subject]
+        found = [self.root.find(name) for name in subject]
         asked = request_of_form(command, given, self.root)
-        return self._begun(command, asked, subject, paths, given, aside=aside)
+        return self._begun(command, asked, subject, paths or found, given, aside=aside)
 
     def go_on(self, earlier: Work) -> Work:
         """Begin a work that was stopped again: what it has finished is not measured again.
@@ -389,6 +209,20 @@ class Desk:
         paths = [self.root.find(name) for name in earlier.subject]
         asked = request_of_form(earlier.command, earlier.given, self.root)
         return self._begun(earlier.command, asked, earlier.subject, paths, earlier.given, after=earlier)
+
+    def remove(self, work: Work) -> None:
+        """Throw away a work and what was kept of it.
+
+        Raises:
+            InputError: it still runs.
+        """
+        if work.open:
+            raise InputError(f"{work.command} {work.number} still runs; stop it first")
+        with self._lock:
+            self.works.pop(work.number, None)
+        if work.drawer is not None:
+            work.drawer.remove()
+        self._tell(work.number, "removed", {})
 
     def _begun(
         self, command: str, asked: tuple[Request[Any, Any], Loading], subject: Sequence[str], paths: Sequence[str],
@@ -409,13 +243,8 @@ class Desk:
             drawer.write(work.facts())
         work.listen(lambda event, **facts: self._tell(number, event, facts))
         self._tell(number, "state", work.to_dict())
-        self._threads[aside].submit(self._run, work)
+        self._threads[aside].submit(work.run)
         return work
-
-    def _run(self, work: Task) -> None:
-        work.run()
-        if work.headline and not work.aside:
-            work.report(self.drawings)
 
     def _drawer(self, number: int) -> tuple[Drawer | None, str]:
         try:

@@ -73,6 +73,10 @@ class Drawer:
         _write(self._folder / _POINTS, points)
         _write(self._folder / _RECORD, {"kind": kind, "record": record})
 
+    def remove(self) -> None:
+        """Throw all of it away."""
+        shutil.rmtree(self._folder, ignore_errors=True)
+
     def record(self) -> Any:  # noqa: ANN401 - any record
         """Return the record; None: there is none, or this version cannot read it."""
         kept = _read(self._folder / _RECORD)

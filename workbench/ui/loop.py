@@ -1,4 +1,4 @@
-"""What becomes of a linear loop when its gain is multiplied: margins, poles, root locus, step response."""
+"""What a linear loop is, for the browser: margins, poles, root locus, step response."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workbench.core.records.record import plain
+from workbench.core.values.arrays import Floats
 from workbench.core.values.response import Response
-from workbench.errors import InputError
 from workbench.ui.curves import of_response
+from workbench.ui.marks import margin_marks
 from workbench.ui.page import tables_told, verdicts_told
 
 # As in `curves`: the page is there before python-control is.
@@ -20,57 +21,63 @@ if TYPE_CHECKING:
     from workbench.core.values.margins import Margins
     from workbench.loops.loop.result import LinearLoop
 
-__all__ = ["loop_at"]
+__all__ = ["loop_told", "margins_at"]
 
 _MANY = 400  # frequencies, and instants of a step response
 _GAINS = 240  # of a root locus
+_AROUND = 1.5  # decades on both sides of the crossovers are shown
 _DECADES = 3.0  # around the gain 1 of a root locus
 _FINE = 4000  # instants at which an unstable step response is looked for where it leaves
 _LEFT = 10.0  # times the step: so far from it nobody looks at an unstable one any more
 _GROWN = 1e9  # times: what has not left by then is an unstable motion that the step does not excite
 
 
-def loop_at(record: object, gain: float, *, locus: bool = False) -> dict[str, Any] | None:
-    """Return what becomes of a linear loop when its gain is multiplied, ready for JSON; None: the record has no loop.
+def loop_told(transfer: LinearPart, margins: Margins, *, label: str = "L", locus: bool = False) -> dict[str, Any]:
+    """Return what a linear loop is, ready for JSON: margins, poles, curves, step response.
+
+    `margins` with their `verdict`, `tables` and `marks`; `poles` of the closed loop, `zeros` and `open_poles`; `open`
+    and `closed` over frequency; `step` of T, see `_step`; `locus`: poles of the closed loop at many gains.
 
     Args:
-        record: any.
-        gain: by which the loop transfer is multiplied.
-        locus: whether to add the poles of the closed loop at many gains.
+        transfer: L for negative feedback.
+        margins: of it.
+        label: what its curve is called.
+        locus: whether to add the poles at many gains.
 
     Raises:
-        InputError: the gain is not a positive number, or the closed loop has no solution there.
+        InputError: the closed loop has no solution.
     """
     from workbench.loops.loop.page import margin_tables, margin_verdict  # noqa: PLC0415 - as above
-    from workbench.loops.loop.result import LoopResult  # noqa: PLC0415
 
-    if not isinstance(record, LoopResult) or record.linear is None:
-        return None
-    if not 0.0 < gain < math.inf:
-        raise InputError(f"the factor of the loop gain, {gain:g}, is not a positive number")
-    transfer = record.linear.transfer.scaled(gain)
-    band = record.frequencies(_MANY)
+    band = _band(transfer, margins)
     open_loop = Response(band, transfer.response(band))
-    margins = _margins_at(record.linear, gain)
     closed = transfer.complementary()
     result: dict[str, Any] = plain(
         {
-            "gain": gain,
             "margins": margins.to_dict(),
-            "verdict": verdicts_told([margin_verdict(f"loop × {gain:.4g}", margins)])[0],
+            "verdict": verdicts_told([margin_verdict(label, margins)])[0],
             "tables": tables_told(margin_tables(margins)),
             "poles": _poles(closed),
             "open_poles": _poles(transfer),
-            **({"locus": _locus(record.linear.transfer)} if locus else {}),
-            "open": of_response(open_loop, f"loop × {gain:.4g}", "linear"),
-            "closed": of_response(Response(band, closed.response(band)), f"closed loop × {gain:.4g}", "linear"),
+            **({"locus": _locus(transfer)} if locus else {}),
+            "open": of_response(open_loop, label, "linear", marks=margin_marks(margins)),
+            "closed": of_response(Response(band, closed.response(band)), "T", "linear"),
             "step": _step(closed),
         }
     )
     return result
 
 
-def _margins_at(loop: LinearLoop, gain: float) -> Margins:
+def _band(transfer: LinearPart, margins: Margins) -> Floats:
+    """Return frequencies that show a loop: around its crossovers, or its poles where there are none [Hz]."""
+    seen = [f for f in margins.crossovers_hz if 0.0 < f < math.inf]
+    if not seen:
+        seen = [f for f in (np.abs(transfer.continuous_poles) / (2.0 * math.pi)).tolist() if 1e-6 < f < 1e6] or [1.0]
+    high = min(max(seen) * 10.0**_AROUND, transfer.highest_hz)
+    return np.geomspace(min(min(seen) / 10.0**_AROUND, high / 10.0), high, _MANY)
+
+
+def margins_at(loop: LinearLoop, gain: float) -> Margins:
     """Return the margins at another gain without the peaks, which would take longer than a slider waits.
 
     What was withheld at the gain 1, as the sampled loop has other poles than L closed again, is withheld here.
@@ -101,10 +108,15 @@ def _poles(model: Linear) -> dict[str, Any]:
 
 
 def _locus(transfer: LinearPart) -> dict[str, Any]:
-    """Return the poles of the closed loop at gains around one."""
-    gains = np.geomspace(10.0**-_DECADES, 10.0**_DECADES, _GAINS).tolist()
-    loops = [_poles(transfer.scaled(gain).complementary()) for gain in gains if transfer.solvable(-gain)]
-    return {part: np.concatenate([poles[part] for poles in loops]) for part in ("re", "im")}
+    """Return the poles of the closed loop at gains around one: `re`, `im` and `gain`, each as long."""
+    from workbench.core.values.poles import continuous  # noqa: PLC0415 - as above
+
+    gains = np.geomspace(10.0**-_DECADES, 10.0**_DECADES, _GAINS)
+    gains = gains[np.abs(1.0 + gains * transfer.d) > 1e-9]
+    factor = gains / (1.0 + gains * transfer.d)
+    poles = np.linalg.eigvals(transfer.A - factor[:, None, None] * np.outer(transfer.b, transfer.c))
+    at = continuous(poles.astype(np.complex128), transfer.dt)
+    return {"re": at.real.ravel(), "im": at.imag.ravel(), "gain": np.repeat(gains, len(transfer.A))}
 
 
 def _step(closed: Linear) -> dict[str, Any]:
@@ -127,13 +139,22 @@ def _step(closed: Linear) -> dict[str, Any]:
     return {"time": time, "value": value, "left_s": left}
 
 
-def _response(closed: Linear, longest: float, many: int) -> tuple[Any, Any]:
-    """Return instants, at most so many, and the step response there."""
-    import control  # noqa: PLC0415 - takes a second
+def _response(closed: Linear, longest: float, many: int) -> tuple[Floats, Floats]:
+    """Return instants, at most so many, and the step response there: exact between instants, by one exponential."""
+    from scipy.linalg import expm  # noqa: PLC0415 - takes a while
 
+    n = len(closed.A)
     points = np.linspace(0.0, longest, many)
+    advance = np.block([[closed.A, closed.B], [np.zeros((1, n + 1))]])
     if closed.dt > 0.0:
         count = min(math.floor(longest / closed.dt * (1.0 + 1e-12)) + 1, _FINE)
         points = np.arange(count, dtype=np.float64) * closed.dt
-    result = control.step_response(closed.to_state_space(), points)
-    return result.time, np.squeeze(result.outputs)
+        advance[n, n] = 1.0
+    else:
+        advance = expm(advance * points[1])
+    state, values = np.append(np.zeros(n), 1.0), np.empty(len(points))
+    shown = np.append(closed.C[0], closed.D[0, 0])
+    for k in range(len(points)):
+        values[k] = shown @ state
+        state = advance @ state
+    return points, values

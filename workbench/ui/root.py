@@ -14,7 +14,7 @@ from workbench.errors import InputError, WorkbenchError
 from workbench.fmi.bundled import is_bundled
 from workbench.jobs.store import FILE_NAME
 
-__all__ = ["NotHereError", "ServedFolder", "kind_of"]
+__all__ = ["NotHereError", "ServedFolder", "has_envelope", "kind_of"]
 
 _MOST = 2000  # entries that are listed
 _DEEPEST = 6  # folders below folders
@@ -57,6 +57,8 @@ class ServedFolder:
         path = self.path(text, new=new)
         if path.suffix.lower() in _SYSTEMS or path.is_dir():
             self._check_parts(text, path)
+        if path.is_file() and kind_of(path) == "study":
+            self._check_study(text, path)
         return self.name_of(path)
 
     def _check_parts(self, text: str, path: Path) -> None:
@@ -75,6 +77,22 @@ class ServedFolder:
                 raise NotHereError(
                     f"{text}: its {part.name} is not in this folder; start workbench ui in one that holds both"
                 )
+
+    def _check_study(self, text: str, study: Path) -> None:
+        """Refuse a study that names files outside: whatever in it is one beside the study, or behind a name's `=`."""
+        for word in _texts(from_toml(study.read_text(encoding="utf-8"))):
+            for part in {word, word.rpartition("=")[2]} - {""}:
+                try:
+                    file = (study.parent / part).resolve()
+                    there = file.exists()
+                except (OSError, ValueError, RuntimeError):  # no name that a file can have
+                    continue
+                if there and not file.is_relative_to(self.folder):
+                    raise NotHereError(
+                        f"{text}: {part} is not in this folder; start workbench ui in one that holds both"
+                    )
+                if there and (file.suffix.lower() in _SYSTEMS or file.is_dir()) and file != study:
+                    self._check_parts(text, file)
 
     def path(self, text: str, *, new: bool = False) -> Path:
         """Return the path of a file in the folder, links resolved.
@@ -149,6 +167,15 @@ class ServedFolder:
                 return
 
 
+def _texts(value: object) -> Iterator[str]:
+    """Yield every text of a TOML document."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict | list):
+        for item in value.values() if isinstance(value, dict) else value:
+            yield from _texts(item)
+
+
 def _model_of_point(file: Path) -> str:
     """Return the name of the model whose operating point a file holds, by its beginning; empty: it holds none."""
     try:
@@ -158,6 +185,14 @@ def _model_of_point(file: Path) -> str:
         return ""
     match = _MODEL.search(begin)
     return str(json.loads(match[1])) if match and _TRIM.search(begin) else ""
+
+
+def has_envelope(text: str) -> bool:
+    """Return whether the text of a study has a table [envelope]."""
+    try:
+        return "envelope" in from_toml(text)
+    except ValueError:
+        return False
 
 
 def kind_of(file: Path) -> str:

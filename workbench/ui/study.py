@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from workbench.core.records.parsing import toml_key, toml_value
-from workbench.ui.jobs import Work
+from workbench.ui.work import Work
 
 __all__ = ["study_of"]
 

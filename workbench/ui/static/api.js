@@ -38,8 +38,18 @@ export async function begin(command, subject, values, { aside = false } = {}) {
   return known(work);
 }
 
+/** The same of a system with other values than its file has. */
+export async function beginDraft(asked) {
+  return known(await post("/api/tune", asked));
+}
+
 export async function stop(number) {
   await post(`/api/works/${number}/stop`);
+}
+
+/** Throw a run that has ended away. */
+export async function remove(number) {
+  await post(`/api/works/${number}/remove`);
 }
 
 /** Let a stopped work go on as another one, with what it has finished; return that. */
@@ -127,6 +137,12 @@ function known(facts) {
 }
 
 function heard(event) {
+  if (event.event === "removed") {
+    const gone = server.works.get(event.work);
+    server.works.delete(event.work);
+    for (const listener of [...listeners]) listener(gone ?? { number: event.work, subject: [] }, event);
+    return;
+  }
   const work = known({ number: event.work });
   if (event.event === "state") {
     const { id: _, work: __, event: ___, ...facts } = event;

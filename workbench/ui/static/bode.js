@@ -1,25 +1,27 @@
 // Gain and phase over frequency, of whatever curves there are, and what can be done with them.
 
 import { done, server } from "./api.js";
-import { fill, h, save, say, wrongs } from "./dom.js";
-import { bode, decibels, extent, wrapped } from "./numbers.js";
-import { pin, pinned, pinsShown, showPins, unpin } from "./pins.js";
-import { Plot, colour, legend } from "./plot.js";
+import { fill, h, menu, save, say, wrongs } from "./dom.js";
+import { between, bode, decibels, extent, shown, wrapped } from "./numbers.js";
+import { onOverlays, overlaid } from "./overlays.js";
+import { Plot, colour, legend, ramp } from "./plot.js";
 import { pointOf } from "./point.js";
 
 const FINE = 2; // pixels of a saved image for each of the page
+const WORDED = 2; // so many marks have their words; of more the first and the last
 const MARKS = { settled: "dot", averaged: "triangle", failed: "cross" };
 
 /** Gain and phase over frequency, with a cursor through both, and all that can be asked of them. */
 export class Bode {
-  constructor({ onband = null, number = null, onagain = null, onpinned = null, title = "" }) {
-    Object.assign(this, { onband, number, onagain, onpinned, own: [], settings: { unwrap: true, linear: false, radians: false } });
+  /** `tools` stand in the toolbar of whoever shows it, `exports` in its menu, see `bar`; `key`: whose overlay it is itself. */
+  constructor({ onband = null, number = null, onagain = null, title = "", heights = [0.33, 0.26], key = number }) {
+    Object.assign(this, { onband, number, key, onagain, own: [], extras: [], band: null, settings: { unwrap: true, linear: false, radians: false } });
     const x = { label: "frequency [Hz]", log: true };
     const common = {
       x, onpick: (point, where) => this.pick(point, where), onband: (lo, hi) => this.banded(lo, hi),
     };
-    this.gain = new Plot({ ...common, y: { label: "gain [dB]", log: false, least: 1 }, label: `${title} Bode picture, gain. Arrow keys go from point to point, Enter picks one, plus, minus and 0 zoom.`, height: 280, onmove: (v) => this.follow(this.phase, v) });
-    this.phase = new Plot({ ...common, y: { label: "phase [deg]", log: false, least: 5 }, label: `${title} Bode picture, phase`, height: 220, onmove: (v) => this.follow(this.gain, v) });
+    this.gain = new Plot({ ...common, y: { label: "gain [dB]", log: false, least: 1 }, label: `${title} Bode picture, gain. Arrow keys go from point to point, Enter picks one, plus, minus and 0 zoom.`, height: heights[0], onmove: (v) => this.follow(this.phase, v) });
+    this.phase = new Plot({ ...common, y: { label: "phase [deg]", log: false, least: 5 }, label: `${title} Bode picture, phase`, height: heights[1], quiet: true, onmove: (v) => this.follow(this.gain, v) });
     for (const [one, other] of [[this.gain, this.phase], [this.phase, this.gain]]) {
       one.onview = (view) => {
         other.view = view ? { x: view.x, y: other.view?.y ?? other.limits().y } : null;
@@ -27,32 +29,39 @@ export class Bode {
       };
     }
     this.names = h("div");
-    this.asked = h("section", { "aria-label": "The point", "aria-live": "polite" });
-    const toggle = (label, name, title) => h("button", {
-      type: "button", title, class: "quiet", "aria-pressed": "false", onclick: (event) => {
-        this.settings[name] = !this.settings[name];
-        event.currentTarget.setAttribute("aria-pressed", String(this.settings[name]));
-        this.gain.view = this.phase.view = null;
-        this.redraw();
-      },
-    }, label);
-    const unwrap = toggle("Unwrap", "unwrap", "Draw the phase without jumps of 360 degrees");
-    unwrap.setAttribute("aria-pressed", "true");
-    const asked = number === null ? null : server.works.get(number);
-    this.extras = [];
-    this.band = null; // drawn last [Hz]
-    this.drawBand = onband ? h("button", { type: "button", class: "quiet", "aria-pressed": "false", title: "Drag over the picture to choose the band that is measured next", onclick: () => this.banding(!this.gain.banding) }, "Draw a band") : null;
-    this.withPins = onpinned ? null : h("button", { type: "button", class: "quiet", hidden: true, title: "Show the pinned curves, also those of other models, or leave them out", onclick: () => { showPins(!pinsShown()); this.redraw(); } }, "Pinned curves");
-    this.tools = h("div", { class: "row", role: "toolbar", "aria-label": "Picture" },
-      unwrap, toggle("Linear gain", "linear", "Show the gain as a ratio in place of decibels"), toggle("rad/s", "radians", "Show rad/s in place of Hz"),
+    this.asked = h("section", { class: "asked", "aria-label": "The point", "aria-live": "polite" });
+    this.element = h("div", { class: "bode" }, h("div", {}, this.names, this.gain.element, this.phase.element), this.asked);
+    this.make();
+    this.leave = onOverlays(() => this.redraw());
+  }
+
+  /** Make what stands in the toolbar and in the menu. */
+  make() {
+    const asked = this.number === null ? null : server.works.get(this.number);
+    const button = (label, title, onclick, more = {}) => h("button", { type: "button", class: "quiet", title, onclick, ...more }, label);
+    const toggle = (label, name, title) => button(label, title, (event) => {
+      this.settings[name] = !this.settings[name];
+      event.currentTarget.setAttribute("aria-pressed", String(this.settings[name]));
+      this.gain.view = this.phase.view = null;
+      this.redraw();
+    }, { "aria-pressed": String(this.settings[name]) });
+    this.drawBand = this.onband ? button("Band", "Drag over the picture to choose the band that is measured next", () => this.banding(!this.gain.banding), { "aria-pressed": "false" }) : null;
+    this.tools = [
       this.drawBand,
-      asked?.command === "nfr" || asked?.command === "branches" ? h("button", { type: "button", class: "quiet", title: "Lay the linearisation at the same operating point over the picture", onclick: (event) => this.linear(asked, event.currentTarget) }, "Linear model") : null,
-      h("button", { type: "button", class: "quiet", title: "Show all of the curves again, after moving or zooming", onclick: () => [this.gain, this.phase].forEach((p) => p.whole()) }, "Whole"),
-      onpinned ? null : h("button", { type: "button", class: "quiet", title: "Keep these curves in every picture, and under Compare", onclick: () => { showPins(true); this.keep(); } }, "Pin"), this.withPins,
-      h("button", { type: "button", class: "quiet", title: "Save gain and phase as a drawing", onclick: () => save(this.svg(), "bode.svg", "image/svg+xml") }, "SVG"),
-      h("button", { type: "button", class: "quiet", title: "Save gain and phase as an image", onclick: async () => save(await this.png(), "bode.png") }, "PNG"),
-      h("button", { type: "button", class: "quiet", title: "Save the points as a table", onclick: () => save(csv(this.own), "curves.csv", "text/csv") }, "CSV"));
-    this.element = h("div", {}, this.tools, this.names, this.gain.element, this.phase.element, this.asked);
+      asked?.command === "nfr" || asked?.command === "branches" ? button("Linear model", "Lay the linearisation at the same operating point over the picture", (event) => this.linear(asked, event.currentTarget)) : null,
+      button("Whole", "Show all of the curves again, after moving or zooming", () => [this.gain, this.phase].forEach((p) => p.whole())),
+      menu("View", [toggle("Unwrap", "unwrap", "Draw the phase without jumps of 360 degrees"), toggle("Linear gain", "linear", "Show the gain as a ratio in place of decibels"), toggle("rad/s", "radians", "Show rad/s in place of Hz")]),
+    ].filter(Boolean);
+    this.exports = [
+      button("SVG", "Save gain and phase as a drawing", () => save(this.svg(), "bode.svg", "image/svg+xml")),
+      button("PNG", "Save gain and phase as an image", async () => save(await this.png(), "bode.png")),
+      button("CSV", "Save the points as a table", () => save(csv(this.own), "curves.csv", "text/csv")),
+    ];
+  }
+
+  /** The toolbar by itself, where no run has one. */
+  bar() {
+    return h("div", { class: "bar", role: "toolbar", "aria-label": "Picture" }, this.tools, menu("Export", this.exports));
   }
 
   show(curves, full = null) {
@@ -62,8 +71,7 @@ export class Bode {
   }
 
   all() {
-    const pins = this.onpinned || pinsShown() ? pinned() : [];
-    return [...this.own, ...this.extras, ...pins.map((c) => ({ ...c, removable: true }))];
+    return [...this.own, ...this.extras, ...overlaid(this.key).map((c) => ({ ...c, overlaid: true }))];
   }
 
   redraw() {
@@ -76,28 +84,59 @@ export class Bode {
     this.gain.y.label = linear ? `gain [${unit}]` : "gain [dB]";
     const all = this.all();
     this.gain.x.range = this.phase.x.range = worth(all, radians ? 2 * Math.PI : 1);
+    const amplitudes = [...new Set(this.own.filter((c) => c.kind === "measured" && c.amplitude !== undefined).map((c) => c.amplitude))].sort((a, b) => a - b);
+    const rank = (curve) => (this.own.includes(curve) && curve.kind === "measured" ? amplitudes.indexOf(curve.amplitude) : -1);
+    const [above, below] = [[], []];
     all.forEach((curve, i) => {
       const b = bode(curve, this.settings);
       const marks = curve.status ? b.index.map((k) => MARKS[curve.status[k]] ?? "") : null;
       const dashed = curve.kind === "branch" ? b.index.map((k) => curve.stable[k] === false || curve.stable[k] === 0) : null;
       const common = {
-        label: curve.label, colour: curve.colour ?? colour(i), x: b.x, marks, dashed, width: curve.kind === "linear" || curve.removable ? 1.2 : 1.8, removable: curve.removable,
-        dash: curve.removable && this.own.length ? [8, 4] : curve.kind === "linear" ? [3, 3] : [], points: b.index.map((k) => ({ curve, index: k })),
+        label: curve.label, colour: curve.colour ?? (rank(curve) >= 0 ? ramp(rank(curve), amplitudes.length) : colour(i)), x: b.x, marks, dashed, width: curve.kind === "linear" || curve.overlaid ? 1.2 : 1.8, overlaid: curve.overlaid,
+        dash: curve.overlaid && this.own.length ? [8, 4] : curve.kind === "linear" && all.some((c) => c.kind !== "linear") ? [3, 3] : [], points: b.index.map((k) => ({ curve, index: k })),
         says: curve.status ? b.index.map((k) => curve.status[k]) : null,
       };
       if (b.gain.every((g) => g === null || (linear && g === 0)) && !marks) common.label = `${curve.label} (zero)`;
       gains.push({ ...common, y: b.gain, low: b.low, high: b.high });
       phases.push({ ...common, y: b.phase, low: b.phase.map((p, k) => (p === null || b.swing[k] === null ? null : p - b.swing[k])), high: b.phase.map((p, k) => (p === null || b.swing[k] === null ? null : p + b.swing[k])) });
+      this.noted(curve, common, b, above, below);
     });
-    this.gain.set(gains);
-    this.phase.set(phases, { lines: [{ axis: "y", value: -180 }] });
+    if (above.length > WORDED) above.forEach((note, k) => { if (k && k < above.length - 1) note.text = ""; });
+    this.gain.set(gains, { lines: above.some((n) => n.to === 0) ? [{ axis: "y", value: 0 }] : [], extra: { notes: above } });
+    this.phase.set(phases, { lines: [{ axis: "y", value: -180 }], extra: { notes: below } });
     const by = radians ? 2 * Math.PI : 1;
     this.gain.chosen = this.phase.chosen = this.band?.map((f) => f * by) ?? null;
-    if (this.withPins) {
-      this.withPins.hidden = !pinned().length;
-      this.withPins.setAttribute("aria-pressed", String(pinsShown()));
+    this.legend = legend(gains, [this.gain, this.phase]);
+    fill(this.names, this.legend);
+    this.values(this.gain.cursor);
+  }
+
+  /** Add what is marked of a curve: a resonance, a bandwidth, folds, margins. */
+  noted(curve, { colour: own }, b, above, below) {
+    const { radians, linear } = this.settings;
+    for (const mark of curve.marks ?? []) {
+      const x = radians ? 2 * Math.PI * mark.hz : mark.hz;
+      if (mark.on === "phase") {
+        const y = between(b.x, b.phase, x);
+        if (y !== null) below.push({ x, y, to: y - mark.deg, text: mark.text, colour: own });
+      } else above.push({ x, y: linear ? 10 ** (mark.db / 20) : mark.db, to: mark.on === "gain" ? (linear ? 1 : 0) : undefined, text: mark.text, colour: own });
     }
-    fill(this.names, legend(gains, { onremove: (c) => { unpin(c.label); this.redraw(); this.onpinned?.(); } }));
+  }
+
+  /** What every curve is where the cursor stands, beside its name. */
+  values(at) {
+    if (this.phase.curves.length !== this.gain.curves.length) return; // one of the two is drawn anew
+    if (at === null || !this.gain.curves.length) {
+      this.legend?.values(null);
+      return;
+    }
+    const texts = new Map();
+    this.gain.curves.forEach((c, i) => {
+      const sorted = c.x.every((v, k) => !k || v >= c.x[k - 1]); // a branch folds back: it has no one value
+      const [g, p] = sorted ? [between(c.x, c.y, at), between(c.x, this.phase.curves[i].y, at)] : [null, null];
+      if (g !== null && p !== null) texts.set(c.label, `${shown(g, 4)}${this.settings.linear ? "" : " dB"}, ${shown(p, 4)}°`);
+    });
+    this.legend.values(texts);
   }
 
   /** Lay the linear model at the same point over the picture. */
@@ -120,6 +159,8 @@ export class Bode {
   follow(plot, value) {
     plot.cursor = value;
     plot.later();
+    this.values(value);
+    if (plot === this.gain && value !== null) this.gain.readout.textContent = this.phase.readout.textContent;
   }
 
   banding(on) {
@@ -134,14 +175,6 @@ export class Bode {
     this.banding(false);
     this.redraw();
     this.onband(...this.band);
-  }
-
-  keep() {
-    const of = server.works.get(this.number);
-    const named = (curve) => (of ? `${of.subject.join(", ")}, ${of.command} ${of.number}: ${curve.label}` : curve.label);
-    for (const curve of this.own) pin({ ...curve, label: named(curve), points: null });
-    say(`${this.own.length} curves pinned; they stay in every picture, and under Compare.`);
-    this.redraw();
   }
 
   /** Both pictures as a drawing, with what their curves are. */
@@ -173,7 +206,7 @@ export class Bode {
       fill(this.asked);
       return;
     }
-    fill(this.asked, pointOf(point, this));
+    fill(this.asked, pointOf(point, this), h("button", { type: "button", class: "quiet close", "aria-label": "Close the point", onclick: () => this.pick(null, null) }, "×"));
   }
 }
 

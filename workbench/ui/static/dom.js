@@ -19,19 +19,39 @@ export function fill(element, ...children) {
   return element;
 }
 
-/** A table: headings, rows of cells; numbers stand at the right. */
-export function table(headings, rows, { caption = "" } = {}) {
-  return h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": caption || headings.join(", ") },
+/** A button with a list of others below it. */
+export function menu(label, items) {
+  const list = h("div", { class: "menu-list" }, items);
+  const element = h("details", { class: "menu" }, h("summary", { class: "button" }, label), list);
+  list.addEventListener("click", (event) => { if (event.target.closest("a, button:not([aria-pressed])")) element.open = false; });
+  element.addEventListener("focusout", (event) => { if (event.relatedTarget && !element.contains(event.relatedTarget)) element.open = false; });
+  element.addEventListener("keydown", (event) => {
+    if (event.key !== "Escape") return;
+    element.open = false;
+    element.firstChild.focus();
+  });
+  return element;
+}
+
+/** A table: headings, rows of cells; numbers stand at the right, words of the column `verdict` have their `tones`. */
+export function table(headings, rows, { caption = "", label = caption, verdict = null, tones = [] } = {}) {
+  return h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": label || headings.join(", ") },
     h("table", {},
       caption ? h("caption", {}, caption) : null,
       h("thead", {}, h("tr", {}, headings.map((t) => h("th", { scope: "col" }, t)))),
-      h("tbody", {}, rows.map((row) => h("tr", {}, row.map((cell, i) =>
-        i === 0 ? h("th", { scope: "row" }, cell) : h("td", { class: headings[i] !== "unit" && /^[-+−–\d.,e∞]+$/.test(String(cell)) ? "number" : "" }, cell)))))));
+      h("tbody", {}, rows.map((row, k) => h("tr", {}, row.map((cell, i) =>
+        i === 0 ? h("th", { scope: "row", class: i === verdict ? toned(tones[k]) : "" }, cell)
+          : h("td", { class: i === verdict ? toned(tones[k]) : headings[i] !== "unit" && /^[-+−–\d.,e∞]+$/.test(String(cell)) ? "number" : "" }, cell)))))));
+}
+
+/** Class of a tone. */
+function toned(tone) {
+  return { poor: "bad" }[tone] ?? tone ?? "";
 }
 
 /** A verdict in its tone: its word, and what it is about. */
 export function told({ word, tone, text }) {
-  return h("p", {}, h("strong", { class: { poor: "bad" }[tone] ?? tone }, word), ` ${text}`);
+  return h("p", {}, h("strong", { class: toned(tone) }, word), ` ${text}`);
 }
 
 /** Say something to those who see and to those who hear; it goes by itself, or when the next thing is said. */

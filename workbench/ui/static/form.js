@@ -2,10 +2,15 @@
 
 import { fill, h } from "./dom.js";
 import { unitShown } from "./numbers.js";
+import { range, withPicker } from "./picker.js";
 
-const CHOICES = 8; // names that are offered as buttons
 const FIRST = 5; // fields that stand open; the others are under headings
-const NAMES = { at: "files", open: "loops", input: "inputs", output: "measured", inputs: "inputs", outputs: "measured", source: "measured", target: "inputs", block: "components" };
+// Option → names that it takes.
+const NAMES = {
+  at: "files", open: "loops", input: "inputs", output: "measured", inputs: "inputs", outputs: "measured", source: "measured", target: "inputs",
+  block: "components", limiter: "components", attitude: "measured", watch: "measured", second: "inputs", free: "inputs", u0: "inputs", bias: "inputs",
+  signals: "inputs", x0: "states", floating: "states", dx: "states", du: "inputs", start_values: "parameters", vary: "all", over: "all", fix: "all", bound: "all",
+};
 const FILLED = ["open", "input", "output", "inputs", "outputs"]; // with the first name that there is, where one is needed
 const IN_UNITS = { amplitudes: "input", amplitude: "input" }; // a field in the unit of the variable that another names
 
@@ -17,8 +22,12 @@ export class Form {
   constructor(form, facts, { values = {}, files = [] } = {}) {
     this.inputs = new Map();
     this.facts = facts;
-    this.names = { files, loops: sourcesInLoops(facts?.connections ?? []), inputs: (facts?.inputs ?? []).map((v) => v.name), components: (facts?.components ?? []).map((c) => c.name), measured: [...new Set([...(facts?.outputs ?? []), ...(facts?.states ?? [])].map((v) => v.name))] };
-    const lists = Object.entries(this.names).map(([kind, names]) => h("datalist", { id: `names-${kind}` }, names.map((n) => h("option", { value: n }))));
+    const { inputs = [], outputs = [], states = [], parameters = [], connections = [], components = [] } = facts ?? {};
+    const plain = (names) => names.map((name) => ({ name }));
+    this.names = {
+      files: plain(files), loops: plain(sourcesInLoops(connections)), components: plain(components.map((c) => c.name)), inputs, states, parameters,
+      measured: unique([...outputs, ...states]), all: unique([...parameters, ...inputs, ...states, ...outputs]),
+    };
     const groups = new Map();
     const first = form.fields.filter((f) => !f.group && f.kind !== "switch").slice(0, FIRST);
     for (const field of form.fields) {
@@ -27,20 +36,24 @@ export class Form {
       groups.get(group).push(this.field(field, values[field.name]));
     }
     this.general = h("p", { class: "wrong bad", role: "alert", hidden: true });
-    this.element = h("div", { class: "fields" }, lists, groups.get("") ?? [],
+    const needed = (element) => Number(!element.querySelector("[aria-required]"));
+    this.element = h("div", { class: "fields" }, (groups.get("") ?? []).sort((a, b) => needed(a) - needed(b)),
       [...groups].filter(([name]) => name).map(([name, fields]) => h("details", {}, h("summary", {}, name), h("div", { class: "fields" }, fields))),
       this.general);
     this.element.addEventListener("input", () => this.units());
     this.units();
   }
 
-  /** Say the units that other fields decide. */
+  /** Say the units that other fields decide, and the range that the FMU declares. */
   units() {
     for (const [name, of] of Object.entries(IN_UNITS)) {
       const [entry, other] = [this.inputs.get(name), this.inputs.get(of)];
       if (!entry || !other) continue;
-      const unit = unitShown(this.facts?.inputs?.find((v) => v.name === other.input.value.trim())?.unit);
+      const variable = this.facts?.inputs?.find((v) => v.name === other.input.value.trim());
+      const unit = unitShown(variable?.unit);
       fill(entry.unit, unit ? `[${unit}]` : "");
+      const declared = variable ? range(variable) : "";
+      fill(entry.range, declared ? `${variable.name}: ${declared} ${unit} as the FMU declares.` : "");
     }
   }
 
@@ -49,7 +62,8 @@ export class Form {
     const help = h("p", { class: "help", id: `${id}-help`, title: field.flag }, field.kind === "list" ? `${field.help} One a line.` : field.help);
     const wrong = h("p", { class: "wrong", id: `${id}-wrong`, hidden: true });
     const own = { id, "aria-describedby": `${id}-help ${id}-wrong`, "aria-required": field.required || null };
-    const start = value ?? (field.required && FILLED.includes(field.name) ? this.names[NAMES[field.name]]?.[0] : null);
+    const names = this.names[NAMES[field.name]] ?? [];
+    const start = value ?? (field.required && FILLED.includes(field.name) ? names[0]?.name : null);
     let input;
     if (field.kind === "switch") {
       input = h("input", { ...own, type: "checkbox", checked: value ?? Boolean(field.default) });
@@ -58,27 +72,29 @@ export class Form {
     } else if (field.kind === "list") {
       input = h("textarea", { ...own, rows: 1, value: [].concat(start ?? []).join("\n"), placeholder: field.default || field.sample });
     } else {
-      const list = NAMES[field.name] && this.names[NAMES[field.name]].length ? `names-${NAMES[field.name]}` : null;
       const number = field.kind === "number" || field.kind === "whole";
       input = h("input", {
-        ...own, type: "text", inputMode: number ? "decimal" : "text", list, autocomplete: "off", spellcheck: false,
+        ...own, type: "text", inputMode: number ? "decimal" : "text", autocomplete: "off", spellcheck: false,
         value: start ?? "", placeholder: field.default || field.sample,
       });
     }
     const unit = h("span", { class: "unit" }, field.unit ? `[${unitShown(field.unit)}]` : "");
-    this.inputs.set(field.name, { field, input, wrong, unit });
+    const declared = h("p", { class: "help" });
+    this.inputs.set(field.name, { field, input, wrong, unit, range: declared });
     if (field.kind === "switch") return h("div", { class: "field switch" }, input, h("label", { for: id }, field.label), help, wrong);
-    const names = field.kind === "list" ? this.names[NAMES[field.name]] ?? [] : []; // other fields have their list
-    const choose = names.slice(0, CHOICES).map((name) => h("button", {
-      type: "button", class: "quiet", "aria-label": `add ${name}`, onclick: () => {
-        const line = field.sample.includes("=") ? `${name}=` : name;
-        input.value = [...new Set([...input.value.split("\n").filter(Boolean), line])].join("\n");
-        input.focus();
-        input.dispatchEvent(new Event("input", { bubbles: true }));
-      },
-    }, `+ ${name}`));
-    return h("div", { class: "field" }, h("label", { for: id }, `${field.label}${field.required ? " *" : ""}`, unit), input,
-      choose.length ? h("div", { class: "row" }, choose) : null, help, wrong);
+    const valued = names === this.names.all || (field.kind === "list" && /=/.test(`${field.sample}${field.help}`)); // NAME=VALUE
+    const entry = ["choice", "number", "whole"].includes(field.kind) ? input : withPicker(input, names, valued ? "=" : "");
+    return h("div", { class: "field" }, h("label", { for: id }, `${field.label}${field.required ? " *" : ""}`, unit), entry, declared, help, wrong);
+  }
+
+  /** The command that does the same, as far as it is filled in; what ran is told by the server, in full. */
+  line(command, subject) {
+    const words = [];
+    for (const [name, value] of Object.entries(this.values())) {
+      const { flag } = this.inputs.get(name).field;
+      for (const text of [].concat(value)) words.push(text === true ? flag : text === false ? flag.replace("--", "--no-") : `${flag}=${quoted(text)}`);
+    }
+    return ["workbench", command, quoted(subject), ...words].join(" ");
   }
 
   values() {
@@ -129,6 +145,16 @@ export class Form {
     first?.focus();
     first?.scrollIntoView({ block: "center" });
   }
+}
+
+/** A word of a command line. */
+function quoted(text) {
+  return /^[\w@%+=:,./-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`;
+}
+
+/** Variables without those that have the name of an earlier one. */
+function unique(variables) {
+  return [...new Map(variables.map((v) => [v.name, v])).values()];
 }
 
 /** Sources of the connections [{source, destination}] that lie in a loop: where it can be opened; outputs of plants first. */

@@ -1,7 +1,7 @@
 // A session as a study file; texts that are written into the folder.
 
-import { get, lookAgain, post, server } from "./api.js";
-import { code, h, save, say } from "./dom.js";
+import { begin, get, lookAgain, post, server } from "./api.js";
+import { code, h, save, say, wrongs } from "./dom.js";
 
 export async function keepPage([name]) {
   if (name) return studyPage(name);
@@ -25,10 +25,19 @@ export async function keepPage([name]) {
 }
 
 async function studyPage(name) {
-  const { text } = await get(`/api/text?name=${encodeURIComponent(name)}`);
+  const { text, envelope } = await get(`/api/text?name=${encodeURIComponent(name)}`);
+  const run = async () => {
+    try {
+      location.hash = `#/run/${(await begin("envelope", name, {})).number}`;
+    } catch (error) {
+      say(wrongs(error), true);
+    }
+  };
   return {
     title: name,
-    element: h("div", {}, h("h1", {}, name), h("p", {}, "A study runs in a terminal or in CI:"), code(`workbench run ${name}`, "Run it"), code(text, "What it says")),
+    element: h("div", {}, h("h1", {}, name),
+      envelope ? h("div", { class: "row" }, h("button", { type: "button", onclick: run }, "Run the envelope"), h("span", { class: "dim" }, "Finished analyses are kept beside the study; it goes on where it stood.")) : h("p", {}, "A study runs in a terminal or in CI:"),
+      code(`workbench run ${name}`, envelope ? "The same in a terminal" : "Run it"), code(text, "What it says")),
   };
 }
 

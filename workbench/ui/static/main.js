@@ -1,13 +1,14 @@
-// The pages by their addresses, the list of files and of work at the side, the theme.
+// The pages by their addresses, the theme.
 
-import { connect, lookAgain, onChange, onFiles, server } from "./api.js";
+import { connect, lookAgain, onChange, server } from "./api.js";
 import { fill, h, say } from "./dom.js";
 import { comparePage } from "./compare.js";
 import { diagramPage } from "./diagram.js";
 import { keepPage } from "./keep.js";
-import { modelPage } from "./model.js";
+import { modelPage, runPage } from "./model.js";
 import { recolour } from "./plot.js";
-import { workPage } from "./work.js";
+import { fillRail, mark } from "./rail.js";
+import { tunePage } from "./tune.js";
 
 const main = document.getElementById("main");
 const side = document.getElementById("side");
@@ -15,7 +16,7 @@ let leave = null;
 const PATIENCE = 300; // so long the page before is shown [ms]
 
 /** Address → page; a page is a function of the rest of the address that returns {element, title, leave?}. */
-const PAGES = { open: modelPage, run: workPage, compare: comparePage, keep: keepPage, system: diagramPage };
+const PAGES = { open: modelPage, run: runPage, compare: comparePage, keep: keepPage, system: diagramPage, tune: tunePage };
 
 async function show() {
   const [name, ...rest] = location.hash.replace(/^#\/?/, "").split("/").map(decodeURIComponent);
@@ -55,55 +56,10 @@ function welcome() {
       h("h1", {}, "How does this FMU behave?"),
       h("p", {}, "Open a model: its card says what it is. Then find an operating point, measure responses at real amplitudes, look for limit cycles, and close loops around it."),
       h("p", {}, local.length ? `In the folder ${server.folder}:` : `There is nothing to open in the folder ${server.folder}. Start workbench ui in the folder of your FMU, or try a bundled model.`),
-      local.length ? h("div", { class: "row" }, local.slice(0, SHOWN).map((f) => h("a", { class: "button", href: address(f) }, f.name)), local.length > SHOWN ? `and ${local.length - SHOWN} more under Files` : null) : null,
+      local.length ? h("div", { class: "row" }, local.slice(0, SHOWN).map((f) => h("a", { class: "button", href: `#/open/${encodeURIComponent(f.name)}` }, f.name)), local.length > SHOWN ? `and ${local.length - SHOWN} more under Files` : null) : null,
       h("p", {}, h("a", { class: "button", href: "#/open/fmu:Rudder/measure/nfr" }, "Try it: measure the bundled rudder")),
       h("p", { class: "dim" }, `FMI workbench ${server.version}`)),
   };
-}
-
-// -- at the side ------------------------------------------------------------------------------------
-
-const found = h("ul", { class: "list" });
-const shipped = h("ul", { class: "list" });
-const working = h("ul", { class: "list short" });
-const search = h("input", { type: "search", placeholder: "Search", "aria-label": "Search files", oninput: list });
-
-function list() {
-  const text = search.value.toLowerCase();
-  const shown = server.files.filter((f) => f.kind !== "point" && f.name.toLowerCase().includes(text));
-  const line = (f) => h("li", {}, h("a", { href: address(f), "data-name": f.name }, f.name.replace(/^\w+:/, ""), " ", h("span", { class: "dim" }, f.kind)));
-  const own = shown.filter((f) => !/^(fmu|system|study):/.test(f.name));
-  const bundled = shown.filter((f) => /^(fmu|system|study):/.test(f.name));
-  fill(found, own.length ? own.map(line) : h("li", { class: "dim" }, text ? "Nothing of that name in this folder." : "Nothing to open in this folder."));
-  fill(shipped, bundled.length ? bundled.map(line) : h("li", { class: "dim" }, "None of that name."));
-  mark();
-}
-
-function address(file) {
-  return `#/open/${encodeURIComponent(file.name)}`;
-}
-
-function works() {
-  const all = [...server.works.values()].filter((w) => !w.aside).reverse();
-  fill(working, all.length ? all.slice(0, 200).map((w) => h("li", {}, h("a", { href: `#/run/${w.number}`, "data-work": w.number },
-    `${w.number} ${w.command} `, h("span", { class: "dim" }, w.subject.join(", ")),
-    h("br"), h("span", { class: { failed: "bad", stopped: "watch", done: "dim" }[w.state] ?? "good" }, far(w))))) : h("li", { class: "dim" }, "None yet."));
-  mark();
-}
-
-/** How far a work is, in words. */
-function far(work) {
-  if (work.state === "running" && work.total) return `${work.done} of ${work.total} ${work.total === 100 && work.counts === "points" ? "%" : work.counts}`;
-  return work.state === "done" && !work.well ? "done, not all well" : work.state;
-}
-
-function mark() {
-  const [, ...rest] = location.hash.replace(/^#\/?/, "").split("/").map(decodeURIComponent);
-  for (const link of side.querySelectorAll("a")) {
-    const here = link.dataset.work ? location.hash === link.getAttribute("href") : link.dataset.name === rest[0];
-    if (here) link.setAttribute("aria-current", "page");
-    else link.removeAttribute("aria-current");
-  }
 }
 
 // -- theme -------------------------------------------------------------------------------------------
@@ -133,9 +89,14 @@ async function begin() {
       localStorage.setItem("theme", document.documentElement.dataset.theme);
     } catch { /* the choice ends with the page */ }
   };
-  document.getElementById("menu").onclick = (event) => {
-    event.currentTarget.setAttribute("aria-expanded", String(side.classList.toggle("open")));
+  const rail = (open) => {
+    document.body.dataset.rail = open ? "open" : "folded";
+    document.getElementById("menu").setAttribute("aria-expanded", String(open));
   };
+  const wide = matchMedia("(min-width: 1001px)");
+  rail(wide.matches);
+  wide.onchange = () => rail(wide.matches);
+  document.getElementById("menu").onclick = () => rail(document.body.dataset.rail !== "open");
   try {
     await connect();
   } catch (error) {
@@ -143,22 +104,18 @@ async function begin() {
     return;
   }
   document.getElementById("folder").textContent = server.folder;
-  fill(side, search, h("h2", {}, server.folder), found, h("h2", {}, "Work"), working, h("h2", {}, "Bundled"), shipped);
-  onFiles(list);
-  list();
-  works();
-  let waits = 0;
+  fillRail(side);
   onChange((work, event) => {
     if (event.event === "state" && work.has_record && !work.aside) lookAgain().catch(() => {}); // a store may be new
-    if (event.event === "state" && work.state === "failed") say(`${work.command}: ${work.failure?.message ?? "failed"}`, true);
-    waits ||= requestAnimationFrame(() => {
-      waits = 0;
-      works();
-    });
+    if (event.event === "state" && work.state === "failed" && !work.aside) say(`${work.command}: ${work.failure?.message ?? "failed"}`, true);
+    if (event.event === "removed" && location.hash === `#/run/${work.number}`) location.hash = work.subject.length === 1 ? `#/open/${encodeURIComponent(work.subject[0])}/measure/${work.command}` : "#/";
   });
+  addEventListener("pointerdown", (event) => {
+    for (const open of document.querySelectorAll("details.menu[open]")) if (!open.contains(event.target)) open.open = false;
+  });
+  addEventListener("resize", recolour); // pictures are as high as the window lets them
   window.addEventListener("hashchange", () => {
-    side.classList.remove("open");
-    document.getElementById("menu").setAttribute("aria-expanded", "false");
+    if (!wide.matches) rail(false);
     show();
     main.focus({ preventScroll: true });
   });

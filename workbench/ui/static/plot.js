@@ -2,101 +2,27 @@
 
 import { extent, nearest, shown, ticks } from "./numbers.js";
 import { h } from "./dom.js";
+import { CanvasPen, SvgPen } from "./pens.js";
 
-const LEFT = 68, RIGHT = 14, TOP = 10, BOTTOM = 40, TOUCH = 28;
+const LEFT = 68, RIGHT = 14, TOP = 10, BOTTOM = 40, BARE = 22, TOUCH = 28, LOWEST = 150;
 
 /** Colours of curves, each legible on light and on dark ground: names of the style sheet. */
 export function colour(number) {
   return `--curve-${number % 8}`;
 }
 
+const RAMP = 8; // colours of the style sheet from low to high
+
+/** Colour of one of `count` values in their order, as amplitudes are. */
+export function ramp(rank, count) {
+  return count < 2 ? colour(0) : `--ramp-${Math.round((rank * (RAMP - 1)) / (count - 1))}`;
+}
+
+const FAINT = "38"; // how much of a curve is left beside the one that stands out, as the end of its colour
+
 /** Draw all pictures again, in the colours of the theme. */
 export function recolour() {
   for (const canvas of document.querySelectorAll("canvas.plot")) canvas.dispatchEvent(new Event("recolour"));
-}
-
-class CanvasPen {
-  constructor(context) {
-    this.c = context;
-  }
-  clip(x, y, w, hgt, draw) {
-    this.c.save();
-    this.c.beginPath();
-    this.c.rect(x, y, w, hgt);
-    this.c.clip();
-    draw();
-    this.c.restore();
-  }
-  path(steps, { stroke = null, fill = null, width = 1.5, dash = [] }) {
-    const c = this.c;
-    c.beginPath();
-    for (const [kind, ...at] of steps) {
-      if (kind === "M") c.moveTo(...at);
-      else if (kind === "L") c.lineTo(...at);
-      else if (kind === "O") {
-        c.moveTo(at[0] + at[2], at[1]);
-        c.arc(at[0], at[1], at[2], 0, 2 * Math.PI);
-      } else c.closePath();
-    }
-    c.setLineDash(dash);
-    if (fill) {
-      c.fillStyle = fill;
-      c.fill();
-    }
-    if (stroke) {
-      c.strokeStyle = stroke;
-      c.lineWidth = width;
-      c.lineJoin = "round";
-      c.stroke();
-    }
-  }
-  text(words, x, y, { colour: ink, align = "center", size = 12, turned = false }) {
-    const c = this.c;
-    c.save();
-    c.fillStyle = ink;
-    c.font = `${size}px system-ui, sans-serif`;
-    c.textAlign = align;
-    c.textBaseline = "middle";
-    c.translate(x, y);
-    if (turned) c.rotate(-Math.PI / 2);
-    c.fillText(words, 0, 0);
-    c.restore();
-  }
-}
-
-class SvgPen {
-  constructor(width, height) {
-    this.parts = [];
-    this.size = [width, height];
-    this.clips = 0;
-  }
-  clip(x, y, w, hgt, draw) {
-    const id = `c${(this.clips += 1)}`;
-    this.parts.push(`<clipPath id="${id}"><rect x="${x}" y="${y}" width="${w}" height="${hgt}"/></clipPath><g clip-path="url(#${id})">`);
-    draw();
-    this.parts.push("</g>");
-  }
-  path(steps, { stroke = null, fill = null, width = 1.5, dash = [] }) {
-    const d = steps.map(([kind, ...at]) => {
-      if (kind === "O") {
-        const [x, y, r] = at;
-        return `M${x + r} ${y}A${r} ${r} 0 1 1 ${x - r} ${y}A${r} ${r} 0 1 1 ${x + r} ${y}`;
-      }
-      return kind === "Z" ? "Z" : `${kind}${at.map((v) => v.toFixed(2)).join(" ")}`;
-    }).join("");
-    const dashed = dash.length ? ` stroke-dasharray="${dash.join(" ")}"` : "";
-    this.parts.push(`<path d="${d}" fill="${fill ?? "none"}" stroke="${stroke ?? "none"}" stroke-width="${width}" stroke-linejoin="round"${dashed}/>`);
-  }
-  text(words, x, y, { colour: ink, align = "center", size = 12, turned = false }) {
-    const anchor = { center: "middle", left: "start", right: "end" }[align];
-    const safe = String(words).replace(/[<>&"]/g, (c) => `&#${c.charCodeAt(0)};`);
-    const turn = turned ? ` transform="rotate(-90 ${x} ${y})"` : "";
-    this.parts.push(`<text x="${x}" y="${y}" fill="${ink}" font-size="${size}" text-anchor="${anchor}" dominant-baseline="central"${turn}>${safe}</text>`);
-  }
-  toString() {
-    const [w, hgt] = this.size;
-    return `<svg xmlns="http://www.w3.org/2000/svg" width="${w}" height="${hgt}" viewBox="0 0 ${w} ${hgt}" font-family="sans-serif">${this.parts.join("")}</svg>`;
-  }
 }
 
 /**
@@ -106,24 +32,42 @@ class SvgPen {
  * "triangle", "cross", "" none), line (false: marks alone), points (what a click on each gives)}. null in y: a gap.
  */
 export class Plot {
-  /** `chosen`: a band that was drawn, which stays in sight; null: none. */
-  constructor({ x, y, label, height = 260, equal = false, onpick = null, onband = null, onmove = null }) {
-    Object.assign(this, { x, y, height, equal, onpick, onband, onmove, curves: [], lines: [] });
+  /**
+   * `height` [pixel], or a share of the window's. `chosen`: a band that was drawn, which stays in sight; null: none.
+   * `extra`: {areas, texts, notes} behind and beside the curves, see `panels_of`; a note {x, y, to?, text} marks a value.
+   * `lit`: number of the curve that stands out; null: none. `ondrag(x, y, moving)`: a handle that is dragged.
+   */
+  constructor({ x, y, label, height = 260, equal = false, onpick = null, onband = null, onmove = null, quiet = false }) {
+    Object.assign(this, { x, y, size: height, equal, onpick, onband, onmove, curves: [], lines: [], extra: {} });
     this.view = null;
     this.cursor = null;
     this.banding = false;
     this.chosen = null;
+    this.lit = null;
+    this.hidden = new Set(); // labels of curves
     this.canvas = h("canvas", { tabIndex: 0, role: "img", "aria-label": label, class: "plot" });
     this.readout = h("p", { class: "readout", role: "status", "aria-live": "polite" });
+    this.readout.hidden = quiet;
     this.element = h("div", { class: "plotted" }, this.canvas, this.readout);
     this.listen();
     this.observer = new ResizeObserver(() => this.later());
     this.observer.observe(this.element);
   }
 
-  set(curves, { keep = true, lines = [] } = {}) {
+  /** Pixels from top to bottom. */
+  get height() {
+    return this.size > 1 ? this.size : Math.max(LOWEST, Math.round(this.size * window.innerHeight));
+  }
+
+  /** Pixels below the axis: less where nothing is written there. */
+  get foot() {
+    return this.x.label ? BOTTOM : BARE;
+  }
+
+  set(curves, { keep = true, lines = [], extra = {} } = {}) {
     this.curves = curves;
     this.lines = lines;
+    this.extra = extra;
     if (!keep) this.view = null;
     if (this.here) this.show(this.there(this.here) ? this.here : null);
     this.later();
@@ -148,7 +92,8 @@ export class Plot {
     const natural = {};
     const [from, to] = this.x.range ?? [-Infinity, Infinity];
     const seen = (c) => (this.x.range ? c.y.filter((_, i) => c.x[i] >= from && c.x[i] <= to) : c.y);
-    for (const [axis, lists] of [["x", this.x.range ? [this.x.range] : this.curves.map((c) => c.x)], ["y", this.y.range ? [this.y.range] : this.curves.map(seen)]]) {
+    const all = this.curves.filter((c) => !this.hidden.has(c.label));
+    for (const [axis, lists] of [["x", this.x.range ? [this.x.range] : all.map((c) => c.x)], ["y", this.y.range ? [this.y.range] : all.map(seen)]]) {
       let [low, high] = extent(lists) ?? (this[axis].log ? [0.1, 10] : [-1, 1]);
       if (this[axis].log && low > 0) {
         const more = Math.max(1.05, (high / low) ** 0.03);
@@ -161,7 +106,7 @@ export class Plot {
     }
     const found = { x: this.view?.x ?? natural.x, y: this.view?.y ?? natural.y };
     if (this.equal && !this.view) {
-      const [w, hgt] = [this.width - LEFT - RIGHT, this.height - TOP - BOTTOM];
+      const [w, hgt] = [this.width - LEFT - RIGHT, this.height - TOP - this.foot];
       const unit = Math.max((found.x[1] - found.x[0]) / w, (found.y[1] - found.y[0]) / hgt);
       for (const [axis, pixels] of [["x", w], ["y", hgt]]) {
         const middle = (found[axis][0] + found[axis][1]) / 2;
@@ -179,7 +124,7 @@ export class Plot {
       return { at: (v) => from + (f(v) - f(low)) * slope, of: (p) => back(f(low) + (p - from) / slope) };
     };
     return {
-      x: make(this.x.log, x, LEFT, this.width - RIGHT), y: make(this.y.log, y, this.height - BOTTOM, TOP), limits: { x, y },
+      x: make(this.x.log, x, LEFT, this.width - RIGHT), y: make(this.y.log, y, this.height - this.foot, TOP), limits: { x, y },
     };
   }
 
@@ -220,7 +165,7 @@ export class Plot {
     const scale = this.scales();
     const { limits } = scale;
     const [ink, grid, dim] = [this.ink(), this.ink("--grid"), this.ink("--dim")];
-    const [bottom, right] = [this.height - BOTTOM, this.width - RIGHT];
+    const [bottom, right] = [this.height - this.foot, this.width - RIGHT];
     const none = !this.curves.some((c) => c.x.length);
     const place = { x: (v) => [["M", v, TOP], ["L", v, bottom]], y: (v) => [["M", LEFT, v], ["L", right, v]] };
     for (const axis of ["x", "y"]) {
@@ -238,9 +183,13 @@ export class Plot {
     pen.text(this.x.label, (LEFT + right) / 2, this.height - 9, { colour: ink });
     pen.text(this.y.label, 14, (TOP + bottom) / 2, { colour: ink, turned: true });
     pen.clip(LEFT, TOP, right - LEFT, bottom - TOP, () => {
-      for (const under of [true, false]) { // pinned curves do not hide the others
-        for (const curve of this.curves) if (Boolean(curve.removable) === under) this.curve(pen, curve, scale);
+      for (const area of this.extra.areas ?? []) this.area(pen, area, scale);
+      const lit = this.curves[this.lit];
+      const order = [...this.curves].sort((a, b) => (a === lit) - (b === lit) || Boolean(b.overlaid) - Boolean(a.overlaid));
+      for (const curve of order) { // overlaid curves do not hide the others
+        if (!this.hidden.has(curve.label)) this.curve(pen, curve, scale, lit && curve !== lit ? FAINT : "");
       }
+      this.notes(pen, scale);
       const band = this.band ?? this.chosen?.map(scale.x.at);
       if (live && band) {
         const [a, b] = band;
@@ -257,8 +206,40 @@ export class Plot {
     }
   }
 
-  curve(pen, curve, scale) {
-    const colour = this.ink(curve.colour);
+  /** What stands behind the curves: a region, or a band over all of the other axis. */
+  area(pen, { x, y, colour: name, spans, fill }, scale) {
+    const [bottom, right] = [this.height - this.foot, this.width - RIGHT];
+    const px = x.map((v, i) => (spans === "x" ? LEFT + v * (right - LEFT) : scale.x.at(x[i])));
+    const py = y.map((v, i) => (spans === "y" ? bottom - v * (bottom - TOP) : scale.y.at(y[i])));
+    const ink = name === null ? this.ink("--dim") : this.ink(colour(name));
+    pen.path([...px.map((v, i) => [i ? "L" : "M", v, py[i]]), ["Z"]], fill ? { fill: `${ink}26` } : { stroke: ink, width: 1 });
+  }
+
+  /** Values that are marked: a ring, a bar to another value, and in words what it is. */
+  notes(pen, scale) {
+    const taken = [];
+    const [right, top] = [this.width - RIGHT, TOP + 10];
+    for (const { x, y, to, text, colour: name } of this.extra.notes ?? []) {
+      const [px, py] = [scale.x.at(x), scale.y.at(y)];
+      if (!(px >= LEFT && px <= right) || !Number.isFinite(py)) continue;
+      const ink = this.ink(name ?? "--ink");
+      if (to !== undefined) pen.path([["M", px, py], ["L", px, scale.y.at(to)]], { stroke: ink, width: 3 });
+      pen.path([["O", px, py, 4]], { stroke: ink, width: 1.5, fill: this.ink("--ground") });
+      if (!text) continue;
+      const wide = 6.6 * text.length;
+      const left = px + 10 + wide > right;
+      let at = Math.min(Math.max(py - 12, top), this.height - this.foot - 10);
+      while (taken.some((t) => Math.abs(t.y - at) < 14 && Math.abs(t.x - px) < wide)) at += 14;
+      taken.push({ x: px, y: at });
+      pen.text(text, left ? px - 9 : px + 9, at, { colour: this.ink(), align: left ? "right" : "left", ground: this.ink("--ground") });
+    }
+    for (const { x, y, text } of this.extra.texts ?? []) {
+      pen.text(text, scale.x.at(x) + 5, scale.y.at(y) - 8, { colour: this.ink("--dim"), align: "left" });
+    }
+  }
+
+  curve(pen, curve, scale, faint) {
+    const colour = this.ink(curve.colour) + faint;
     const xs = curve.x.map((v) => scale.x.at(v));
     const ys = curve.y.map((v) => (v === null || !Number.isFinite(v) ? null : scale.y.at(v)));
     if (curve.line !== false) {
@@ -291,11 +272,11 @@ export class Plot {
     if (!curve.marks) return;
     const shapes = { dot: [], triangle: [], cross: [], square: [] };
     const many = ys.length > 400;
-    const size = many ? 2 : 3.5;
+    const size = curve.size ?? (many ? 2 : 3.5);
     let [lastX, lastY] = [-1, -1];
     ys.forEach((y, i) => {
       const kind = curve.marks[i];
-      const at = y ?? (kind === "cross" ? this.height - BOTTOM - 8 : null);
+      const at = y ?? (kind === "cross" ? this.height - this.foot - 8 : null);
       if (!kind || at === null) return;
       const x = xs[i];
       if (many && kind === "dot") { // one beside another cannot be told from it
@@ -317,13 +298,13 @@ export class Plot {
     const c = this.curves[curve];
     if (!c || index >= c.x.length) return null;
     const y = c.y[index];
-    const at = y === null || !Number.isFinite(y) ? (c.marks?.[index] === "cross" ? this.height - BOTTOM - 8 : null) : scale.y.at(y);
+    const at = y === null || !Number.isFinite(y) ? (c.marks?.[index] === "cross" ? this.height - this.foot - 8 : null) : scale.y.at(y);
     return at === null ? null : { x: scale.x.at(c.x[index]), y: at };
   }
 
   near(px, py, most) {
     const scale = this.scales();
-    const all = this.curves.flatMap((c, curve) => c.x.map((_, index) => ({ curve, index })));
+    const all = this.curves.flatMap((c, curve) => (this.hidden.has(c.label) ? [] : c.x.map((_, index) => ({ curve, index }))));
     const found = nearest(all.map((a) => this.spot(a, scale)), px, py, most);
     return found === null ? null : all[found];
   }
@@ -411,7 +392,7 @@ export class Plot {
       this.zoom(Math.exp(event.deltaY * 0.0015), event.offsetX, event.offsetY, event.shiftKey ? ["x"] : ["x", "y"]);
     }, { passive: false });
     canvas.addEventListener("keydown", (event) => {
-      const middle = [(LEFT + this.width - RIGHT) / 2, (TOP + this.height - BOTTOM) / 2];
+      const middle = [(LEFT + this.width - RIGHT) / 2, (TOP + this.height - this.foot) / 2];
       const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
       const curve = { ArrowUp: -1, ArrowDown: 1 }[event.key];
       if (step) this.show(this.beside(step));
@@ -452,9 +433,30 @@ function said(label, value) {
   return `${name} ${shown(value)}${unit && unit !== "1" && unit !== "–" ? ` ${unit}` : ""}`;
 }
 
-/** What a curve's line and marks mean. */
-export function legend(curves, { onremove = null } = {}) {
-  return h("ul", { class: "legend" }, curves.map((c) => h("li", {},
-    h("span", { class: c.dash?.length ? "swatch dashed" : "swatch", style: `--own: var(${c.colour})` }), c.label,
-    onremove && c.removable ? h("button", { type: "button", class: "quiet", "aria-label": `remove ${c.label}`, onclick: () => onremove(c) }, "×") : null)));
+/**
+ * What the lines mean: a button each, which hides its curve; a pointer over it lets the curve stand out. Where the cursor
+ * is, `values` of the element, called with texts by label, stand beside.
+ */
+export function legend(curves, plots, onchange = () => {}) {
+  const places = new Map();
+  const list = h("ul", { class: "legend" }, curves.map((c, i) => {
+    const value = h("span", { class: "value" });
+    places.set(c.label, value);
+    const light = (on) => () => { for (const p of plots) { p.lit = on ? i : null; p.later(); } };
+    const hide = (event) => {
+      const away = !plots[0].hidden.has(c.label);
+      for (const p of plots) {
+        p.hidden[away ? "add" : "delete"](c.label);
+        p.later();
+      }
+      event.currentTarget.setAttribute("aria-pressed", String(!away));
+      onchange();
+    };
+    return h("li", {}, h("button", {
+      type: "button", class: "bare", "aria-pressed": String(!plots[0].hidden.has(c.label)), title: "Hide or show this curve", onclick: hide,
+      onpointerenter: light(true), onpointerleave: light(false), onfocus: light(true), onblur: light(false),
+    }, h("span", { class: c.dash?.length ? "swatch dashed" : "swatch", style: `--own: var(${c.colour})` }), c.label), value);
+  }));
+  list.values = (texts) => { for (const [label, place] of places) place.textContent = texts?.get(label) ?? ""; };
+  return list;
 }

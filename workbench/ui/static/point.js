@@ -3,7 +3,7 @@
 import { done, server, whole } from "./api.js";
 import { code, fill, h, table, wrongs } from "./dom.js";
 import { decibels, shown, unitShown, wrapped } from "./numbers.js";
-import { Plot, colour, legend } from "./plot.js";
+import { histories } from "./panels.js";
 
 /** Everything that is known of a point: what it is worth, harmonics, multipliers, neighbours; and what can be asked. */
 export function pointOf({ curve, index }, picture) {
@@ -70,21 +70,9 @@ async function lastPeriod(number, amplitude, f, ran, place) {
     const { time, signals, units } = full.signals;
     const last = time.findIndex((t) => t >= (periods - 1.0025) / f); // half a step early, as what was asked is rounded
     const cut = { time: time.slice(last), units, signals: Object.fromEntries(Object.entries(signals).map(([n, v]) => [n, v.slice(last)])) };
-    fill(place, h("p", { class: "dim" }, `The last of ${periods} periods of a run from the operating point.`), histories(cut),
+    fill(place, h("p", { class: "dim" }, `The last of ${periods} periods of a run from the operating point.`), histories(cut, 180),
       code(full.line, "The same run in a terminal"));
   } catch (error) {
     fill(place, h("p", { class: "bad" }, wrongs(error)));
   }
-}
-
-/** Signals over time, one picture for each unit. */
-export function histories({ time, signals, units }) {
-  const groups = new Map();
-  for (const n of Object.keys(signals)) groups.set(units[n] ?? "", [...(groups.get(units[n] ?? "") ?? []), n]);
-  return h("div", {}, [...groups].slice(0, 8).map(([unit, names]) => {
-    const plot = new Plot({ x: { label: "time [s]", log: false }, y: { label: `${names.length === 1 ? names[0] : "signals"} [${unit || "–"}]`, log: false }, label: `${names.join(", ")} over time`, height: 240 });
-    const curves = names.slice(0, 12).map((n, i) => ({ label: n, colour: colour(i), x: time, y: signals[n] }));
-    plot.set(curves);
-    return h("div", {}, legend(curves), plot.element);
-  }));
 }

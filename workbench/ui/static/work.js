@@ -1,51 +1,64 @@
-// One work: its picture while it runs, and what it gives when it has ended.
+// One run: its picture while it runs, and what it gives when it has ended; the same layout for every analysis.
 
-import { factsOf, goOn, onChange, server, stop, whole } from "./api.js";
+import { factsOf, get, goOn, onChange, post, remove, server, stop, whole } from "./api.js";
 import { Bode } from "./bode.js";
-import { code, fill, h, told } from "./dom.js";
-import { gainKnob } from "./loop.js";
+import { code, fill, h, menu, say, told } from "./dom.js";
 import { shown, unitShown } from "./numbers.js";
-import { histories } from "./point.js";
+import { nameOf } from "./overlays.js";
+import { envelopeMap } from "./envelope.js";
+import { histories, withSections } from "./panels.js";
 
+/** A run of several models, or of one that cannot be opened any more; that of a model is shown with its form. */
 export async function workPage([number]) {
   const work = server.works.get(Number(number)) ?? (await whole(Number(number)));
   const shownWork = live(Number(number), { ongoing: async (stopped) => { location.hash = `#/run/${(await goOn(stopped)).number}`; } });
   return {
     title: `${work.command} ${number}`,
     leave: shownWork.leave,
-    element: h("div", {}, h("h1", {}, `${work.command} of ${work.subject.join(", ")}`),
-      work.subject.length === 1 ? h("p", {}, h("a", { href: `#/open/${encodeURIComponent(work.subject[0])}` }, "To the model")) : null, shownWork.element),
+    element: h("div", {}, h("h1", {}, `${work.command} of ${work.subject.join(", ")}`), shownWork.element),
   };
 }
 
+const STATES = { failed: "bad", stopped: "watch", running: "good" };
+
 /**
- * What a work shows, kept up to date; {element, leave}. `onband` is told a band drawn with the mouse, `onagain` values
- * to run with, `ongoing` the number of a stopped work that is to go on.
+ * What a run shows, kept up to date; {element, leave}. `onband` is told a band drawn with the mouse, `onagain` values
+ * to run with, `ongoing` the number of a stopped run that is to go on.
  */
 export function live(number, { onband = null, onagain = null, ongoing = null }) {
-  const said = h("div", { class: "row", role: "status" });
   const halt = h("button", { type: "button", class: "quiet", onclick: () => stop(number) }, "Stop"); // one: a click needs it to stay
+  const said = h("span", { class: "said", role: "status" });
+  const more = h("span", { class: "row" });
+  const tools = h("span", { class: "row tools" });
+  const name = h("input", { type: "text", class: "name", "aria-label": "Name of the run", spellcheck: false, onchange: () => post(`/api/works/${number}/name`, { name: name.value.trim() }).catch((error) => say(error.message, true)) });
   const below = h("div", { role: "status" });
-  const body = h("div");
+  const body = h("div", { class: "pictured" });
+  const sections = h("div", { class: "sections" });
   const tail = h("div");
   let picture = null;
-  let knob = null;
+  let ended = false;
   let waits = 0;
   let units = {}; // of inputs and outputs by name, as far as they are known
   const subject = server.works.get(number)?.subject ?? [];
-  if (subject.length === 1) {
+  if (subject.length === 1 && server.forms[server.works.get(number).command]) {
     factsOf(subject[0]).then((facts) => {
       units = Object.fromEntries([...facts.inputs, ...facts.outputs, ...facts.states].map((v) => [v.name, v.unit ?? ""]));
-    }, () => {}); // its failure is told where the work itself fails
+    }, () => {}); // its failure is told where the run itself fails
   }
+  const drawn = () => {
+    picture ??= new Bode({ onband, number, onagain });
+    if (!picture.element.isConnected) fill(body, picture.element);
+    return picture;
+  };
   const update = async () => {
     const work = server.works.get(number);
     if (!work) return;
     const running = work.state === "running" || work.state === "waiting";
     halt.hidden = !running;
-    fill(said,
-      h("strong", { class: { failed: "bad", stopped: "watch" }[work.state] ?? "" }, work.state === "done" && !work.well ? "done, not all well" : work.state),
-      h("span", {}, running ? [work.total ? `${work.done} of ${work.total}` : "", work.words ?? ""].join(" ") : work.seconds ? `${shown(work.seconds, 3)} s` : ""),
+    if (document.activeElement !== name) name.value = nameOf(work);
+    fill(said, h("strong", { class: STATES[work.state] ?? "" }, work.state === "done" && !work.well ? "done, not all well" : work.state), " ",
+      h("span", { class: "dim" }, running ? [work.total ? `${work.done} of ${work.total}` : "", work.words ?? ""].join(" ") : work.seconds ? `${shown(work.seconds, 3)} s` : ""));
+    fill(more,
       work.goes_on && ongoing ? h("button", { type: "button", class: "quiet", title: "Measure what is missing; what is finished stays", onclick: () => ongoing(number) }, "Go on") : null,
       work.state === "stopped" && !work.goes_on && onagain ? h("button", { type: "button", class: "quiet", onclick: () => onagain({}) }, "Run again") : null);
     fill(below,
@@ -53,26 +66,34 @@ export function live(number, { onband = null, onagain = null, ongoing = null }) 
       work.failure?.message ? h("p", { class: "bad" }, `${work.failure.kind}: ${work.failure.message}`) : null,
       running ? null : headline(work));
     if (work.points.length && work.points.some((p) => p && "response" in p)) {
-      picture ??= new Bode({ onband, number, onagain });
-      if (!picture.element.isConnected) fill(body, picture.element);
-      if (running) picture.show(ofPoints(work.points.filter(Boolean), { input: units[work.asked.input] ?? "", output: units[work.asked.output] ?? "" }));
+      if (running) drawn().show(ofPoints(work.points.filter(Boolean), { input: units[work.asked.input] ?? "", output: units[work.asked.output] ?? "" }));
     }
     if (running) fill(tail, code(work.line, "The same in a terminal"));
     else await finished();
+    fill(tools, picture?.tools ?? [], work.command === "loop" && work.has_record ? h("a", { class: "button", href: `#/tune/${encodeURIComponent(work.subject[0])}/${encodeURIComponent([work.asked.open].flat().join(" -> "))}` }, "Tune it") : null, exports(work));
+  };
+  const exports = (work) => {
+    const at = `/api/works/${number}`;
+    const file = (kind, label, title) => h("a", { href: `${at}/${kind}`, download: `${work.command}-${number}.${kind.split(".").pop()}`, title }, label);
+    const own = picture?.exports ?? [];
+    if (!own.length && !work.has_record) return null;
+    return menu("Export", [own, work.has_record ? [
+      h("a", { href: `${at}/report.html`, target: "_blank", title: "The report as one page, with its pictures" }, "Report"), file("report.html", "Save the report", "One file, which needs nothing else"),
+      file("picture.svg", "Picture of the report", "As the command draws it"), file("data.csv", "All data, CSV", "Every number of the result as a table"), file("data.json", "All data, JSON", "The whole result; other analyses and Python read it")] : null]);
   };
   const finished = async () => {
     const full = await whole(number);
+    let pictured = true;
     if (full.curves.length) {
-      picture ??= new Bode({ onband, number, onagain });
-      picture.show(full.curves, full);
-      if (full.command === "loop" && full.record.linear) {
-        knob ??= gainKnob(full, picture);
-        fill(body, knob);
-      } else if (!picture.element.isConnected) fill(body, picture.element);
-    } else if (full.signals) {
-      fill(body, histories(full.signals));
+      drawn().show(full.curves, full);
+    } else if (full.signals) fill(body, histories(full.signals));
+    else if (full.command === "envelope" && full.record?.points.length) fill(body, envelopeMap(full.record));
+    else pictured = false;
+    if (full.has_record && !ended) {
+      ended = true;
+      withSections(sections, get(`/api/works/${number}/page`), pictured);
     }
-    fill(tail, afterwards(full));
+    fill(tail, code(full.line, "The same in a terminal"), full.call ? code(full.call, "in Python") : null, full.chosen.length ? h("p", { class: "dim" }, full.chosen.join("; ")) : null);
   };
   const end = onChange((work, event) => {
     if (work.number !== number) return;
@@ -80,7 +101,11 @@ export function live(number, { onband = null, onagain = null, ongoing = null }) 
     else waits ||= requestAnimationFrame(() => { waits = 0; update(); });
   });
   update();
-  return { element: h("div", {}, h("div", { class: "row" }, said, halt), below, body, tail), leave: end };
+  const away = h("button", { type: "button", class: "quiet", title: "Throw this run away", onclick: () => remove(number).catch((error) => say(error.message, true)) }, "Delete");
+  return {
+    element: h("div", { class: "run" }, h("div", { class: "bar", role: "toolbar", "aria-label": "This run" }, name, said, halt, more, h("span", { class: "gap" }), tools, away), below, body, sections, tail),
+    leave: () => { end(); picture?.leave(); },
+  };
 }
 
 /** Curves of the points that there are so far, one an amplitude. */
@@ -101,33 +126,11 @@ function ofPoints(points, units) {
   return [...curves.values()].sort((a, b) => a.amplitude - b.amplitude);
 }
 
-const FIRST = 12; // verdicts and remarks that stand open
+const FIRST = 3; // verdicts and remarks that stand open
 
 /** What the record says first, as its report does: in a sentence, verdicts, warnings and remarks. */
 function headline({ lead, verdicts, remarks }) {
-  const lines = [...(verdicts ?? []).map(told), ...(remarks ?? []).map((text) => h("p", {}, text))];
-  return h("section", { class: "headline", "aria-label": "What was found" }, lead ? h("p", {}, lead) : null, lines.slice(0, FIRST),
+  const lines = [...(verdicts ?? []).map(told), ...(remarks ?? []).map((text) => h("p", { class: "dim" }, text))];
+  return h("section", { class: "headline", "aria-label": "What was found" }, lead ? h("p", { class: "lead" }, lead) : null, lines.slice(0, FIRST),
     lines.length > FIRST ? h("details", {}, h("summary", {}, `${lines.length - FIRST} more`), lines.slice(FIRST)) : null);
-}
-
-const PICTURED = new Set(["nfr", "branches", "loop", "simulate"]); // whose pictures say it; of others the report does
-
-/** What a work that has ended gives: remarks, files, report, the command and the Python. */
-function afterwards(full) {
-  const at = `/api/works/${full.number}`;
-  const reported = () => {
-    const waits = h("p", { class: "dim" }, "The report is being written …");
-    return [waits, h("iframe", { src: `${at}/report.html`, title: "Report", onload: () => waits.remove() })];
-  };
-  const report = h("div", {}, full.has_record && !PICTURED.has(full.command) ? reported() : null);
-  return [
-    full.has_record ? h("div", { class: "row" },
-      h("button", { type: "button", onclick: () => fill(report, reported()) }, "Report"),
-      h("a", { class: "button", href: `${at}/report.html`, download: `${full.command}-${full.number}.html` }, "Save the report"),
-      h("a", { class: "button", href: `${at}/picture.svg`, download: `${full.command}-${full.number}.svg` }, "Picture"),
-      h("a", { class: "button", href: `${at}/data.csv`, download: `${full.command}-${full.number}.csv` }, "CSV"),
-      h("a", { class: "button", href: `${at}/data.json`, download: `${full.command}-${full.number}.json` }, "JSON")) : null,
-    code(full.line, "The same in a terminal"), full.call ? code(full.call, "in Python") : null,
-    full.chosen.length ? h("p", { class: "dim" }, full.chosen.join("; ")) : null, report,
-  ];
 }

@@ -1,0 +1,384 @@
+// A loop that is tuned: every parameter of its blocks at a slider, Bode, Nyquist or Nichols, root locus and step beside.
+
+import { beginDraft, ended, factsOf, forget, get, lookAgain, post } from "./api.js";
+import { DEPTH } from "./bode.js";
+import { fill, h, say, wrongs } from "./dom.js";
+import { sourcesInLoops } from "./form.js";
+import { write } from "./keep.js";
+import { head } from "./model.js";
+import { bode, locusRanges, shown, unitShown } from "./numbers.js";
+import { Plot, colour, ramp } from "./plot.js";
+
+const NEAR = 4; // times the crossover are the poles away that the root locus shows
+const REACH = 1.5; // decades to both sides of where a slider starts
+const RESTS = 1200; // after so long a value counts as chosen, and the loop is measured with it [ms]
+const GAIN = "loop gain";
+const LOWEST = -60; // of the gain picture [dB]
+const SAME = 1e-6; // relative: two loops are one
+// Parameters that scale a block as a whole.
+const SCALES = { gain: ["gain"], lead_lag: ["gain"], integrator: ["gain"], pi: ["proportional", "integral"], pid: ["proportional", "integral", "derivative"] };
+const GROUND = 14; // points at each amplitude that are measured
+
+export async function tunePage([name, place = ""]) {
+  const known = await factsOf(name);
+  const places = sourcesInLoops(known.connections ?? []);
+  if (!places.length) throw new Error(`${known.model} has no loop; connect one in the diagram first`);
+  const open = place || places[0];
+  const { parameters, why } = await post("/api/tune", { name, open });
+  return new Workspace(name, known, places, open, parameters, why).page();
+}
+
+class Workspace {
+  constructor(name, known, places, open, parameters, why) {
+    Object.assign(this, { name, known, places, open, why });
+    this.parameters = [{ name: GAIN, component: "loop", kind: "factor on all of it", value: 1, unit: "", least: 0, quick: true, help: "Factor on the loop transfer." }, ...parameters.filter((p) => !why || p.quick)];
+    this.values = {}; // those that are not as in the file
+    this.past = []; // values before each change, for undo
+    this.kept = null; // {values, told}: the design that is compared
+    this.measured = [];
+    this.asked = this.running = null;
+    this.pictures();
+  }
+
+  pictures() {
+    const hz = { label: "", log: true };
+    const tile = (label, x, y, height, more = {}) => new Plot({ x: { log: false, ...x }, y: { log: false, ...y }, label, height, quiet: true, ...more });
+    this.gain = tile("Gain of the open loop", hz, { label: "|L| [dB]", least: 1 }, 0.19);
+    this.phase = tile("Phase of the open loop", { label: "frequency [Hz]", log: true }, { label: "arg L [deg]", least: 5 }, 0.185);
+    this.nyquist = tile("Nyquist picture", { label: "Re L", range: [-3, 1.5] }, { label: "Im L", range: [-2, 2] }, 0.375, { equal: true });
+    this.nichols = tile("Nichols picture", { label: "arg L [deg]" }, { label: "|L| [dB]", least: 1 }, 0.375);
+    this.locus = tile("Root locus: poles of the closed loop. A click on it chooses the loop gain.", { label: "real part [1/s]" }, { label: "imaginary part [1/s]" }, 0.34, { onpick: (factor) => factor && this.chosen(factor) });
+    this.step = tile("Step response of the closed loop", { label: "time [s]" }, { label: "step of T" }, 0.34);
+    for (const [one, other] of [[this.gain, this.phase], [this.phase, this.gain]]) {
+      one.onview = (view) => {
+        other.view = view ? { x: view.x, y: other.view?.y ?? other.limits().y } : null;
+        other.later();
+      };
+      one.onmove = (v) => {
+        other.cursor = v;
+        other.later();
+      };
+    }
+    this.verdict = h("div", { class: "verdict", role: "status" });
+    this.numbers = h("div", { class: "numbers" });
+    this.stepSays = h("p", { class: "bad note", role: "status" });
+    this.wrong = h("p", { class: "bad", role: "alert" });
+  }
+
+  page() {
+    const { name, known, places, open } = this;
+    const at = (where) => `#/tune/${encodeURIComponent(name)}/${encodeURIComponent(where)}`;
+    const choose = h("select", { id: "place", onchange: () => { location.hash = at(choose.value); } }, places.map((p) => h("option", { value: p, selected: p === open }, p)));
+    this.undoing = h("button", { type: "button", class: "quiet", disabled: true, title: "Take the last change back (Ctrl+Z)", onclick: () => this.undo() }, "Undo");
+    this.comparing = h("button", { type: "button", class: "quiet", "aria-pressed": "false", title: "Keep this design in the pictures, beside what is changed from here on", onclick: () => this.compare() }, "Compare");
+    this.writing = h("button", { type: "button", onclick: () => this.write() }, "Write into the system");
+    this.file = h("input", { type: "text", id: "file", value: name.includes(":") ? `${name.split(":")[1]}.toml` : name, spellcheck: false });
+    const wanted = (id, label, value) => h("input", { type: "text", id, "aria-label": label, inputMode: "decimal", value, onchange: () => this.draw() });
+    this.wanted = { db: wanted("wanted-db", "wanted gain margin, dB", "6"), deg: wanted("wanted-deg", "wanted phase margin, degrees", "45") };
+    this.amplitude = h("input", { type: "text", id: "amplitude", inputMode: "decimal", placeholder: "e.g. 1, 10", spellcheck: false, onchange: () => this.rest(0) });
+    this.measuring = h("span", { class: "dim", role: "status" });
+    this.knobs = new Map(this.parameters.map((p) => [p.name, this.knob(p)]));
+    const groups = new Map();
+    for (const p of this.parameters) groups.set(p.component, [...(groups.get(p.component) ?? []), p]);
+    const second = h("div", {}, this.nyquist.element);
+    const other = h("button", { type: "button", class: "bare", "aria-pressed": "false", onclick: () => {
+      const on = other.getAttribute("aria-pressed") !== "true";
+      other.setAttribute("aria-pressed", String(on));
+      other.textContent = on ? "Nichols ⇄" : "Nyquist ⇄";
+      fill(second, (on ? this.nichols : this.nyquist).element);
+    } }, "Nyquist ⇄");
+    const keys = (event) => {
+      if (!(event.ctrlKey || event.metaKey) || event.key !== "z" || /^(text|textarea)$/.test(event.target.type ?? "")) return;
+      event.preventDefault();
+      this.undo();
+    };
+    addEventListener("keydown", keys);
+    this.update();
+    return {
+      title: `Tune ${known.model}`,
+      leave: () => {
+        removeEventListener("keydown", keys);
+        clearTimeout(this.waits);
+        if (this.running) post(`/api/works/${this.running}/stop`).catch(() => {});
+      },
+      element: h("div", {}, head(name, known, "tune"),
+        h("div", { class: "tuning" },
+          h("div", { class: "sliders" },
+            h("div", { class: "go" }, this.writing), h("div", { class: "row" }, this.undoing, this.comparing),
+            h("div", { class: "field" }, h("label", { for: "place" }, "Loop opened at"), choose),
+            this.wrong, this.why ? h("p", { class: "watch" }, `Only the gain of the whole loop can be dragged: ${this.why}`) : null,
+            [...groups].map(([component, own]) => h("section", {}, h("h2", {}, component, " ", h("span", { class: "dim" }, own[0].kind)), own.map((p) => this.knobs.get(p.name).element))),
+            h("div", { class: "field" }, h("label", { for: "amplitude" }, "Measure at amplitudes", h("span", { class: "unit" }, `of ${open}`)), this.amplitude, h("p", { class: "help" }, "The loop with its nonlinear parts, measured in the background whenever a value rests."), this.measuring),
+            h("div", { class: "field" }, h("label", { for: "wanted-db" }, "Wanted margins", h("span", { class: "unit" }, "dB and °")), h("div", { class: "two" }, this.wanted.db, this.wanted.deg)),
+            h("div", { class: "field" }, h("label", { for: "file" }, "File"), this.file)),
+          h("div", {}, h("div", { class: "told" }, this.verdict, this.numbers),
+            h("div", { class: "tiles" },
+              h("section", { "aria-label": "Bode" }, h("h2", {}, "Bode"), this.gain.element, this.phase.element),
+              h("section", { "aria-label": "Nyquist or Nichols" }, h("h2", {}, other), second),
+              h("section", { "aria-label": "Root locus" }, h("h2", {}, "Root locus"), this.locus.element),
+              h("section", { "aria-label": "Step" }, h("h2", {}, "Step", this.stepSays), this.step.element))))),
+    };
+  }
+
+  /** A parameter: its name, a number, and a slider that begins where the file has it. */
+  knob(p) {
+    const id = `tune-${p.name}`;
+    const number = h("input", { id, type: "text", inputMode: "decimal", value: shown(p.value, 6), "aria-describedby": p.help ? `${id}-help` : null });
+    const log = p.value !== 0;
+    const slider = h("input", { type: "range", min: log ? -REACH : -1, max: log ? REACH : 1, step: log ? 0.01 : 0.01, value: 0, "aria-label": `${p.name}, slider` });
+    const of = (x) => (log ? p.value * 10 ** x : x);
+    const show = (value) => {
+      number.value = shown(value, 5);
+      number.removeAttribute("aria-invalid");
+      slider.value = log ? Math.log10(Math.max(1e-12, value / p.value)) : value;
+    };
+    let moving = false; // from the first step to where it is let go
+    slider.addEventListener("change", () => { moving = false; });
+    slider.addEventListener("input", () => {
+      if (!moving) this.remember();
+      moving = true;
+      number.value = shown(of(Number(slider.value)), 5);
+      this.set(p.name, Number(number.value));
+    });
+    number.addEventListener("change", () => {
+      const value = Number(number.value);
+      const good = number.value.trim() !== "" && Number.isFinite(value);
+      number.setAttribute("aria-invalid", String(!good));
+      if (!good) return;
+      this.remember();
+      show(value);
+      this.set(p.name, value);
+    });
+    const label = p.name === GAIN ? "loop gain ×" : p.name.slice(p.component.length + 1);
+    return { show, element: h("div", { class: "knob", title: p.help }, h("label", { for: id }, label), slider, number, h("span", { class: "unit" }, unitShown(p.unit))) };
+  }
+
+  remember() {
+    this.past.push({ ...this.values });
+    this.undoing.disabled = false;
+  }
+
+  set(name, value) {
+    const own = this.parameters.find((p) => p.name === name).value;
+    if (value === own) delete this.values[name];
+    else this.values[name] = value;
+    this.update();
+  }
+
+  /** A point of the root locus was clicked: this is the factor on the loop there. */
+  chosen(factor) {
+    this.remember();
+    this.knobs.get(GAIN).show(factor);
+    this.set(GAIN, Number(factor.toPrecision(5)));
+  }
+
+  undo() {
+    if (!this.past.length) return;
+    this.values = this.past.pop();
+    this.undoing.disabled = !this.past.length;
+    for (const p of this.parameters) this.knobs.get(p.name).show(this.values[p.name] ?? p.value);
+    this.update();
+  }
+
+  /** Keep what there is beside what comes, or let it go. */
+  compare() {
+    this.kept = this.kept ? null : { values: { ...this.values }, told: this.told };
+    this.comparing.setAttribute("aria-pressed", String(Boolean(this.kept)));
+    this.draw();
+  }
+
+  /** Ask what the loop is now: the next value goes when the last answer is there, so that the picture keeps up. */
+  async update() {
+    this.rest();
+    if (this.asking) {
+      this.again = true;
+      return;
+    }
+    this.asking = true;
+    const values = { ...this.values };
+    const begun = performance.now();
+    try {
+      this.told = await post("/api/tune", { name: this.name, open: this.open, values, locus: true });
+      if (this.told.locus) this.locusOf = { ...this.told.locus, at: values[GAIN] ?? 1 };
+      fill(this.wrong, "");
+      this.draw();
+      requestAnimationFrame(() => { this.verdict.dataset.ms = String(Math.round(performance.now() - begun)); });
+    } catch (error) {
+      fill(this.wrong, wrongs(error));
+    } finally {
+      this.asking = false;
+      if (this.again) {
+        this.again = false;
+        this.update();
+      }
+    }
+  }
+
+  /** Measure the loop at real amplitudes when nothing has changed for a while. */
+  rest(after = RESTS) {
+    clearTimeout(this.waits);
+    this.measured = [];
+    if (!this.amplitude.value.trim()) {
+      this.measuring.textContent = "";
+      return;
+    }
+    this.waits = setTimeout(() => this.measure(), after);
+  }
+
+  /**
+   * The values with the factor on the whole loop taken into a block that carries all of it: there the loop is the same,
+   * which is looked at, not believed. Null: there is no such block.
+   */
+  async folded() {
+    const { [GAIN]: factor = 1, ...values } = this.values;
+    if (factor === 1) return values;
+    for (const component of new Set(this.parameters.map((p) => p.component))) {
+      const scaled = this.parameters.filter((p) => p.component === component && (SCALES[p.kind] ?? []).includes(p.name.slice(component.length + 1)));
+      if (!scaled.length) continue;
+      const tried = { ...values, ...Object.fromEntries(scaled.map((p) => [p.name, factor * (values[p.name] ?? p.value)])) };
+      const { open } = await post("/api/tune", { name: this.name, open: this.open, values: tried });
+      const own = this.told.open;
+      if (open.re.every((re, i) => Math.hypot(re - own.re[i], open.im[i] - own.im[i]) <= SAME * Math.hypot(re, open.im[i]))) return tried;
+    }
+    return null;
+  }
+
+  async measure() {
+    const before = JSON.stringify(this.values);
+    const same = () => before === JSON.stringify(this.values);
+    try {
+      const values = await this.folded();
+      if (!values) throw new Error("no block carries the whole loop: the factor on it cannot be measured");
+      if (this.running) await post(`/api/works/${this.running}/stop`).catch(() => {});
+      this.measuring.textContent = "Measuring …";
+      const crossing = this.told.margins.gain_crossovers.at(-1)?.frequency_hz;
+      const asked = { open: this.open, amplitudes: this.amplitude.value, ...(crossing ? { band: `${shown(crossing / 3, 4)}:${shown(crossing * 3, 4)}`, ratio: String(shown(9 ** (1 / GROUND), 4)), refine: "1" } : {}) };
+      const work = await beginDraft({ name: this.name, open: this.open, values, measure: asked });
+      this.running = work.number;
+      const full = await ended(work.number);
+      if (this.running === work.number) this.running = null;
+      if (!same()) return;
+      if (!full.record) throw new Error(full.failure?.message ?? full.state);
+      this.measured = full.curves.filter((c) => c.kind === "measured");
+      this.measuring.textContent = full.verdicts.filter((v) => !v.text.startsWith("linear")).map((v) => `${v.word}: ${v.text}`).join("; ");
+      this.draw();
+    } catch (error) {
+      if (same()) fill(this.measuring, h("span", { class: "bad" }, wrongs(error)));
+    }
+  }
+
+  async write() {
+    try {
+      const values = await this.folded();
+      if (!values) {
+        say("No block carries the whole loop: set the loop gain to 1, and change parameters instead.", true);
+        return;
+      }
+      const changed = Object.entries(values).map(([n, v]) => [n, Number(v.toPrecision(6))]);
+      if (!changed.length) {
+        say("Nothing is changed.");
+        return;
+      }
+      let { text } = await get(`/api/text?name=${encodeURIComponent(this.name)}`);
+      for (const [n, v] of changed) ({ text } = await post("/api/diagram", { name: this.name, text, change: ["set", n, Number.isInteger(v) ? `${v}.0` : String(v)] }));
+      if (!(await write(this.file.value, text))) return;
+      forget(this.file.value);
+      await lookAgain();
+      if (this.file.value !== this.name) location.hash = `#/tune/${encodeURIComponent(this.file.value)}/${encodeURIComponent(this.open)}`;
+      else {
+        for (const [n, v] of changed) this.parameters.find((p) => p.name === n).value = v;
+        await post("/api/tune", { name: this.name, open: this.open }); // it reads the file again
+        this.values = {};
+        this.past = [];
+        this.undoing.disabled = true;
+        for (const p of this.parameters) this.knobs.get(p.name).show(p.value);
+        this.update();
+      }
+    } catch (error) {
+      say(wrongs(error), true);
+    }
+  }
+
+  // -- pictures -------------------------------------------------------------------------------------
+
+  draw() {
+    const found = this.told;
+    if (!found) return;
+    const kept = this.kept?.told;
+    const designs = [[found, colour(0), "now", []], ...(kept ? [[kept, colour(1), "kept", [6, 4]]] : [])];
+    this.say(found, kept);
+    const curves = designs.map(([d, own, label, dash]) => ({ b: bode(d.open), own, label, dash, d }));
+    const measured = this.measured.map((c, i) => ({ b: bode(c), own: ramp(i, Math.max(2, this.measured.length)), label: c.label, dash: [], d: { open: c }, marks: c.status.map((s) => (s === "failed" ? "cross" : "dot")) }));
+    const all = [...curves, ...measured];
+    const line = (c, x, y) => ({ label: c.label, colour: c.own, x, y, dash: c.dash, marks: c.marks ?? null, says: c.d.open.frequency_hz.map((f) => `at ${shown(f, 4)} Hz`) });
+    const gains = curves.flatMap((c) => c.b.gain.filter((g) => g !== null));
+    this.gain.y.range = [Math.max(Math.min(...gains), LOWEST), Math.max(...gains, 6)];
+    this.gain.x.range = this.phase.x.range = [curves[0].b.x[0], curves[0].b.x.at(-1)];
+    this.gain.set(all.map((c) => line(c, c.b.x, c.b.gain)), { lines: [{ axis: "y", value: 0 }], extra: { notes: notesOf(found, "gain", curves[0].b) } });
+    this.phase.set(all.map((c) => line(c, c.b.x, c.b.phase)), { lines: [{ axis: "y", value: -180 }], extra: { notes: notesOf(found, "phase", curves[0].b) } });
+    const point = (x, y) => ({ label: "−1", colour: colour(6), x: [x], y: [y], marks: ["cross"], line: false });
+    this.nyquist.set([...all.map((c) => line(c, c.d.open.re, c.d.open.im)), point(-1, 0), circle()], { lines: [{ axis: "x", value: 0 }, { axis: "y", value: 0 }] });
+    this.nichols.set([...all.map((c) => {
+      const top = Math.max(...c.b.gain.filter((g) => g !== null));
+      const seen = c.b.gain.map((g, i) => [g, c.b.phase[i]]).filter(([g]) => g !== null && g >= top + 20 * Math.log10(DEPTH));
+      return line(c, seen.map(([, p]) => p), seen.map(([g]) => g));
+    }), point(-180, 0)], { lines: [{ axis: "y", value: 0 }], extra: { areas: this.region() } });
+    this.drawLocus(designs);
+    this.drawStep(designs);
+  }
+
+  /** What the curve has to stay out of in the Nichols picture, for the margins that are wanted. */
+  region() {
+    const [db, deg] = [Number(this.wanted.db.value), Number(this.wanted.deg.value)];
+    return db > 0 && deg > 0 ? [{ colour: 6, fill: true, x: [-180 - deg, -180, -180 + deg, -180], y: [0, db, 0, -db] }] : [];
+  }
+
+  drawLocus(designs) {
+    const found = this.told;
+    const crossing = found.margins.gain_crossovers.at(-1) ?? found.margins.phase_crossovers.at(-1);
+    this.size ??= crossing?.frequency_hz ? NEAR * 2 * Math.PI * crossing.frequency_hz : 1.5 * Math.max(1e-6, ...found.poles.re.map((re, i) => Math.hypot(re, found.poles.im[i])));
+    [this.locus.x.range, this.locus.y.range] = locusRanges(found.poles, this.size);
+    const poles = (label, { re, im }, own, mark) => ({ label, colour: own, x: re, y: im, line: false, marks: re.map(() => mark) });
+    const { re = [], im = [], gain = [], at = 1 } = this.locusOf ?? {};
+    const others = { ...poles("at other gains", { re, im }, "--edge", "dot"), points: gain.map((g) => g * at) };
+    const unstable = { areas: [{ colour: 6, fill: true, x: [0, 1e9, 1e9, 0], y: [0, 0, 1, 1], spans: "y" }] };
+    this.locus.set([others, poles("open loop", found.open_poles, "--dim", "cross"), ...designs.map(([d, own, label]) => poles(`closed loop, ${label}`, d.poles, own, "square"))], { lines: [{ axis: "x", value: 0 }], extra: unstable });
+  }
+
+  drawStep(designs) {
+    const { left_s: left } = this.told.step;
+    fill(this.stepSays, left === null ? (this.told.margins.closed_loop === "unstable" ? " Unstable, by a motion that the step does not excite." : "") : ` Unstable: more than 10 away from the step after ${shown(left, 3)} s; shown until then.`);
+    this.step.x.range = [0, this.told.step.time.at(-1)];
+    this.step.set(designs.map(([d, own, label, dash]) => ({ label, colour: own, dash, x: d.step.time, y: d.step.value })), { lines: [{ axis: "y", value: 1 }] });
+  }
+
+  /** The verdict in words, and the margins as numbers, of both designs. */
+  say(found, kept) {
+    const { word, text } = found.verdict;
+    fill(this.verdict, h("strong", { class: { stable: "good", unstable: "bad" }[word] ?? "" }, word), ` ${text.replace(/^L: (the closed loop is (un)?stable: )?/, "").replace(/; gain margin.*$/, "")}`);
+    const m = (d) => d.margins;
+    const least = (wanted) => (Number(wanted.value) > 0 ? Number(wanted.value) : null);
+    const rows = [["Gain margin", (d) => m(d).gain_margin_db, "dB", least(this.wanted.db)], ["Phase margin", (d) => m(d).phase_margin_deg, "°", least(this.wanted.deg)], ["Delay margin", (d) => (m(d).delay_margin_s === null ? null : 1e3 * m(d).delay_margin_s), "ms"], ["Crossover", (d) => m(d).gain_crossovers.at(-1)?.frequency_hz ?? null, "Hz"], ["Overshoot", (d) => overshoot(d.step), "%"]];
+    const tone = (value, wanted) => (wanted === undefined || wanted === null || value === null ? "" : value >= wanted ? "good" : "bad");
+    fill(this.numbers, rows.map(([label, of, unit, wanted]) => h("div", {}, h("span", { class: "dim" }, label), h("span", { class: `figure ${tone(of(found), wanted)}` }, shown(of(found), 3), h("span", { class: "unit" }, ` ${unit}`)), kept ? h("span", { class: "dim" }, `kept ${shown(of(kept), 3)}`) : null)));
+  }
+}
+
+function overshoot({ time, value, left_s: left }) {
+  if (left !== null || !time.length) return null;
+  const end = value.at(-1);
+  return end ? Math.max(0, 100 * (Math.max(...value.map((v) => v / end)) - 1)) : null;
+}
+
+/** Margins in a picture: a bar from the curve to the border. */
+function notesOf({ open }, on, b) {
+  return (open.marks ?? []).filter((m) => m.on === on).map((m) => {
+    const y = on === "gain" ? m.db : b.phase[b.x.findIndex((x) => x >= m.hz)];
+    return { x: m.hz, y, to: on === "gain" ? 0 : y - m.deg, text: m.text, colour: "--accent" };
+  });
+}
+
+function circle() {
+  const angles = Array.from({ length: 91 }, (_, k) => (k * Math.PI) / 45);
+  return { label: "unit circle", colour: "--dim", x: angles.map(Math.cos), y: angles.map(Math.sin), dash: [2, 4], width: 1 };
+}
