@@ -11,6 +11,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 import pytest
@@ -68,7 +69,13 @@ def test_a_page_from_elsewhere_cannot_begin_work(ui: Ui) -> None:
         assert ui.ask("GET", wrong, Cookie="").status == 403
 
 
-@pytest.mark.parametrize("path", ["/api/works", "/api/works/1/stop", "/api/works/1/keep", "/api/text", "/api/diagram"])
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/api/works", "/api/works/1/stop", "/api/works/1/keep", "/api/works/1/name", "/api/works/1/remove", "/api/text",
+        "/api/diagram", "/api/tune",
+    ],
+)  # fmt: skip
 def test_what_changes_something_is_taken_from_this_page_only(ui: Ui, path: str) -> None:
     assert ui.ask("POST", path, {}, Origin="").status == 403
     assert ui.ask("POST", path, {}, Origin=f"http://{ui.host}.evil.example").status == 403
@@ -173,6 +180,18 @@ def test_a_path_cannot_lead_out_of_the_folder(ui: Ui, path: str) -> None:
     assert answer.status in {404, 422}, answer.body
     assert b"root:" not in answer.body
     assert b"app_of" not in answer.body
+
+
+def test_a_study_has_no_files_outside_of_the_folder(ui: Ui) -> None:
+    (ui.folder.parent / "outside.csv").write_text("0,0\n1,1\n")
+    for line in (
+        'models.plant = "../outside.fmu"',
+        'analyses.a = {command = "simulate", inputs = ["u=../outside.csv"]}',
+    ):
+        (ui.folder / "study_out.toml").write_text(f"analyses.b = {{}}\n{line}\n")
+        answer = ui.ask("POST", "/api/works", {"command": "envelope", "subject": ["study_out.toml"], "values": {}})
+        assert answer.status == 404, answer.body
+        assert "is not in this folder" in answer.json["message"]
 
 
 def test_a_diagram_reads_nothing_outside_of_the_folder(ui: Ui) -> None:
@@ -376,33 +395,44 @@ def test_what_turns_out_to_be_wrong_is_said_of_its_field(ui: Ui) -> None:
     assert "--" not in failure["message"]
 
 
-def test_a_loop_at_another_gain(ui: Ui) -> None:
+LOOP = {"name": "system:rudder_loop", "open": "plant.del"}
+
+
+def tuned(ui: Ui, **values: float) -> Any:  # noqa: ANN401 - JSON
+    named = {name.replace("_", " ") if name == "loop_gain" else "gain.gain": value for name, value in values.items()}
+    answer = ui.ask("POST", "/api/tune", {**LOOP, "values": named, "locus": True})
+    assert answer.status == 200, answer.body
+    return answer.json
+
+
+def test_a_loop_at_other_values(ui: Ui) -> None:
+    begun = ui.ask("POST", "/api/tune", LOOP).json
+    (parameter,) = begun["parameters"]
+    assert (parameter["name"], parameter["value"], parameter["quick"]) == ("gain.gain", 2.0, True)
     full = ui.ended(ui.begin("loop", "system:rudder_loop", open="plant.del"))
-    assert full["state"] == "done", full["failure"]
-    margins = full["record"]["linear"]["margins"]
-    same = ui.get(f"/api/works/{full['number']}/loop?gain=1")
-    assert same["margins"]["gain_margin_db"] == pytest.approx(margins["gain_margin_db"], abs=1e-3)
-    more = ui.get(f"/api/works/{full['number']}/loop?gain=1.5")
-    less = margins["gain_margin_db"] - 20.0 * math.log10(1.5)
-    assert more["margins"]["gain_margin_db"] == pytest.approx(less, abs=1e-3)
-    critical = 10 ** (margins["gain_margin_db"] / 20)
+    margin = full["record"]["linear"]["margins"]["gain_margin_db"]
+    assert tuned(ui)["margins"]["gain_margin_db"] == pytest.approx(margin, abs=1e-6)
+    less = margin - 20.0 * math.log10(1.5)
+    for more in (tuned(ui, gain=3.0), tuned(ui, loop_gain=1.5)):
+        assert more["margins"]["gain_margin_db"] == pytest.approx(less, abs=1e-6)
+    critical = 10 ** (margin / 20)
     for share, verdict in ((0.99, "stable"), (1.01, "unstable")):
-        beside = ui.get(f"/api/works/{full['number']}/loop?gain={share * critical}")
+        beside = tuned(ui, loop_gain=share * critical)
         assert beside["margins"]["closed_loop"] == beside["verdict"]["word"] == verdict
-    for gain in ("x", "0", "-1", "inf", "nan"):
-        assert ui.ask("GET", f"/api/works/{full['number']}/loop?gain={gain}").status == 422
-    assert "locus" not in more
+    for value in ("x", 0, -1, None, True, [1.0]):
+        assert ui.ask("POST", "/api/tune", {**LOOP, "values": {"loop gain": value}}).status == 422
+    for wrong in ({"name": "../x.toml"}, {"open": "nothing.y"}, {"values": {"no.such": 1.0}}):
+        assert ui.ask("POST", "/api/tune", {**LOOP, "values": {}, **wrong}).status in {404, 422}
 
 
 def test_an_unstable_loop_has_no_margins_and_a_step_that_is_cut(ui: Ui) -> None:
-    full = ui.ended(ui.begin("loop", "system:rudder_loop", open="plant.del"))
-    margin = full["record"]["linear"]["margins"]["gain_margin_db"]
-    found = ui.get(f"/api/works/{full['number']}/loop?gain=4")
+    margin = tuned(ui)["margins"]["gain_margin_db"]
+    found = tuned(ui, loop_gain=4.0)
     assert "unstable" in found["verdict"]["text"]
     assert "meaningless" in found["verdict"]["text"]
     assert found["margins"]["phase_margin_deg"] is None
     (crossing,) = found["margins"]["phase_crossovers"]  # so far may the gain fall before it is stable
-    assert crossing["db"] == pytest.approx(margin - 20.0 * math.log10(4.0), abs=1e-9)
+    assert crossing["db"] == pytest.approx(margin - 20.0 * math.log10(4.0), abs=1e-6)
     # It leaves when the growing motion, exp(σ t) in envelope, is about ten times the step; until then it is shown.
     step, growth = found["step"], max(found["poles"]["re"])
     assert step["left_s"] == step["time"][-1]
@@ -412,8 +442,7 @@ def test_an_unstable_loop_has_no_margins_and_a_step_that_is_cut(ui: Ui) -> None:
 
 
 def test_a_root_locus_begins_at_the_poles_of_the_open_loop_and_passes_those_of_the_closed_one(ui: Ui) -> None:
-    full = ui.ended(ui.begin("loop", "system:rudder_loop", open="plant.del"))
-    found = ui.get(f"/api/works/{full['number']}/loop?gain=1&locus=1")
+    found = tuned(ui)
     (begin, now, all_of_it) = (
         [complex(re, im) for re, im in zip(found[key]["re"], found[key]["im"], strict=True)]
         for key in ("open_poles", "poles", "locus")
@@ -422,6 +451,52 @@ def test_a_root_locus_begins_at_the_poles_of_the_open_loop_and_passes_those_of_t
         assert min(abs(pole - p) for p in all_of_it[: len(begin)]) < 0.05 * abs(pole) + 1e-6
     for pole in now:
         assert min(abs(pole - p) for p in all_of_it) < 0.05 * abs(pole) + 1e-6
+
+
+def test_a_tuned_loop_is_measured_with_its_values_and_written_with_its_comments(ui: Ui) -> None:
+    asked = {
+        **LOOP,
+        "values": {"gain.gain": 3.0},
+        "measure": {"open": "plant.del", "amplitudes": "1", "frequencies": "4"},
+    }
+    work = ui.ask("POST", "/api/tune", asked).json
+    assert work["aside"]
+    full = ui.ended(work["number"])
+    assert full["state"] == "done", full["failure"]
+    margins = full["record"]["linear"]["margins"]
+    assert margins["gain_margin_db"] == pytest.approx(tuned(ui, gain=3.0)["margins"]["gain_margin_db"], abs=1e-6)
+    text = ui.get("/api/text?name=system:rudder_loop")["text"]
+    sent = {"name": "system:rudder_loop", "text": text, "change": ["set", "gain.gain", "3.5"]}
+    changed = ui.ask("POST", "/api/diagram", sent).json["text"]
+    assert changed == text.replace("gain = 2.0", "gain = 3.5")
+
+
+# -- what records give ------------------------------------------------------------------------------
+
+
+def test_every_analysis_has_sections_whose_pictures_are_data(ui: Ui) -> None:
+    number = ui.begin("lin", "fmu:Rudder", inputs=["delC"])
+    ui.ended(number)
+    page = ui.get(f"/api/works/{number}/page")
+    first, *others = page["sections"]
+    panels = first["pictures"][0]["panels"]
+    assert [p["y"]["label"] for p in panels] == ["gain [dB]", "phase [deg]", "step response [deg]"]
+    assert [p["x"]["log"] for p in panels] == [True, True, False]
+    assert all(len(c["x"]) == len(c["y"]) > 10 for p in panels for c in p["curves"])
+    assert "Poles" in [section["title"] for section in others]
+    least = min(page["modes"], key=lambda mode: mode["damping"])
+    assert f"{least['hz']:.3g} Hz" in ui.get(f"/api/works/{number}")["brief"]
+    assert all(abs(sum(share for _, share in mode["states"]) - 1.0) < 0.2 for mode in page["modes"])
+
+
+def test_a_run_is_named_and_thrown_away(ui: Ui) -> None:
+    number = ui.begin("trim", "fmu:Rudder")
+    assert ui.ended(number)["brief"] == "at rest"
+    assert ui.ask("POST", f"/api/works/{number}/name", {"name": " hover "}).status == 200
+    assert ui.get(f"/api/works/{number}")["name"] == "hover"
+    assert ui.ask("POST", f"/api/works/{number}/remove").status == 200
+    assert ui.ask("GET", f"/api/works/{number}").status == 404
+    assert number not in [work["number"] for work in ui.get("/api/start")["works"]]
 
 
 # -- beginning and ending -----------------------------------------------------------------------------
@@ -465,8 +540,7 @@ def test_what_is_not_there_is_not_served(capsys: pytest.CaptureFixture[str]) -> 
 # -- what is kept -----------------------------------------------------------------------------
 
 
-def test_what_is_finished_outlives_a_server_that_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+def test_what_is_finished_outlives_a_server_that_is_killed(tmp_path: Path) -> None:
     folder = tmp_path / "root"
     folder.mkdir()
     sweep = {"band": "0.5:10", "ratio": "1.1", "method": "settle", "errcrit": "1e-6", "max_periods": "60"}

@@ -13,6 +13,8 @@ from subprocess import Popen
 from typing import Any
 from urllib.parse import urlsplit
 
+import matplotlib as mpl
+
 from tests.programs import start
 
 __all__ = ["Answer", "Ui", "browser_workbench"]
@@ -103,9 +105,13 @@ class Ui:
 
 @contextmanager
 def browser_workbench(folder: Path, *arguments: str) -> Iterator[Ui]:
-    """Run `workbench ui` in a folder; it holds a copy of the rudder, and ends in any case."""
+    """Run `workbench ui` in a folder; it holds a copy of the rudder, and ends in any case.
+
+    What it keeps lies beside the folder, not in the cache of whoever runs the tests; fonts are not looked for anew.
+    """
     shutil.copy(ROOT / "fmus" / "fmi2" / "Rudder.fmu", folder)
-    process = start(["-m", "workbench", "ui", str(folder), "--no-browser", *arguments])
+    own = {"XDG_CACHE_HOME": str(folder.with_name(f"{folder.name}-cache")), "MPLCONFIGDIR": mpl.get_cachedir()}
+    process = start(["-m", "workbench", "ui", str(folder), "--no-browser", *arguments], **own)
     try:
         assert process.stdout is not None
         address = process.stdout.readline().strip()
