@@ -573,6 +573,7 @@ def test_a_report_says_when_it_ran_for_how_long_and_by_which_call(ui: Ui) -> Non
     full = ui.ended(ui.begin("nfr", "Rudder.fmu", **POINTS))
     first = ui.ask("GET", f"/api/works/{full['number']}/report.html").body
     text = first.decode()
+    assert "<dt>run</dt>" in text, (full["state"], full["failure"], text[:400])
     seconds = float(text.partition("<dt>run</dt><dd>")[2].partition(" s,")[0])
     assert 0.3 * full["seconds"] < seconds <= full["seconds"] + 0.01
     assert ui.ask("GET", f"/api/works/{full['number']}/report.html").body == first  # written once

@@ -47,8 +47,8 @@ class Workspace {
     this.phase = tile("Phase of the open loop", { label: "frequency [Hz]", log: true }, { label: "arg L [deg]", least: 5 }, 0.185);
     this.nyquist = tile("Nyquist picture", { label: "Re L", range: [-3, 1.5] }, { label: "Im L", range: [-2, 2] }, 0.375, { equal: true });
     this.nichols = tile("Nichols picture", { label: "arg L [deg]" }, { label: "|L| [dB]", least: 1 }, 0.375);
-    this.locus = tile("Root locus: poles of the closed loop. A click on it chooses the loop gain.", { label: "real part [1/s]" }, { label: "imaginary part [1/s]" }, 0.34, { onpick: (factor) => factor && this.chosen(factor) });
-    this.step = tile("Step response of the closed loop", { label: "time [s]" }, { label: "step of T" }, 0.34);
+    this.locus = tile("Root locus: poles of the closed loop. A click on it chooses the loop gain.", { label: "real part [1/s]" }, { label: "imaginary part [1/s]" }, 0.32, { onpick: (factor) => factor && this.chosen(factor) });
+    this.step = tile("Step response of the closed loop", { label: "time [s]" }, { label: "step of T" }, 0.32);
     for (const [one, other] of [[this.gain, this.phase], [this.phase, this.gain]]) {
       one.onview = (view) => {
         other.view = view ? { x: view.x, y: other.view?.y ?? other.limits().y } : null;
