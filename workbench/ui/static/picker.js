@@ -23,6 +23,7 @@ export function withPicker(input, variables, after = "") {
   const typed = () => (several ? input.value.slice(0, input.selectionStart).split("\n").pop() : input.value);
   const close = () => {
     list.hidden = true;
+    list.replaceChildren();
     input.setAttribute("aria-expanded", "false");
     input.removeAttribute("aria-activedescendant");
   };
