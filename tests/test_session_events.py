@@ -365,9 +365,9 @@ def test_wrong_names_and_times_are_input_errors() -> None:
             session.advance(1.0, signals={"uu": Constant(1.0)})
         with pytest.raises(InputError, match="has no variable 'yy'"):
             session.advance(1.0, signals={}, record=["yy"])
-        with pytest.raises(InputError, match="points must rise"):
+        with pytest.raises(InputError, match="points: times to record must rise"):
             session.advance(1.0, signals={}, points=np.array([0.5, 0.2]))
-        with pytest.raises(InputError, match=r"points must rise and lie in \(0, 1\] s"):
+        with pytest.raises(InputError, match=r"points: times to record must rise and lie in \(0, 1\] s"):
             session.advance(1.0, signals={}, points=np.array([0.0, 0.5]))
         session.advance(1.0, signals={})
         with pytest.raises(InputError, match="cannot advance"):

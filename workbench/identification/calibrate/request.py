@@ -46,7 +46,10 @@ def _by_name(value: Any) -> dict[str, Any]:  # noqa: ANN401 - what Python or a T
     """Return names, alone or each with a value; None: it has none."""
     if isinstance(value, Mapping):
         return table(value)
-    return {str(name): None for name in ([value] if isinstance(value, str) else value)}
+    names = [value] if isinstance(value, str) else list(value)
+    if (wrong := next((x for x in names if not isinstance(x, str)), None)) is not None:
+        raise ValueError(f"{wrong!r} is not a name")
+    return dict.fromkeys(names)
 
 
 def _range(name: str, value: Any) -> tuple[float, float]:  # noqa: ANN401 - as above
