@@ -25,6 +25,9 @@ from workbench.response.nfr.prior_knowledge import surroundings
 from workbench.response.nfr.request import Nfr, nfr
 from workbench.response.simulate.request import Simulate, simulate
 
+# One of the lies is what memory holds that nobody set: in copies of one process it is the same.
+pytestmark = pytest.mark.usefixtures("started_workers")
+
 HERE = Workers(in_process=True)  # these lies end no process
 QUICK = [n for n, lie in LIES.items() if lie.check != "memory"]
 LEAKS = [n for n, lie in LIES.items() if lie.check == "memory"]

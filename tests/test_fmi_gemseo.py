@@ -170,7 +170,7 @@ def test_fmi_3_scalars_and_arrays() -> None:
         ({"start_values": {"sprung.c": 1.0}}, "did you mean spring.c"),
         ({"start_values": {"spring.c": "much"}}, "'much' is not"),
         ({"bias": {"y": 1.0}}, "bias: 'y' of the model is an output; its inputs are: f"),
-        ({"bias": {"f": math.nan}}, "finite"),
+        ({"bias": {"f": math.nan}}, "bias: f: nan is not a number"),
     ],
 )
 def test_load_refuses_in_one_line(options: dict[str, object], words: str) -> None:

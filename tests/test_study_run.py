@@ -352,7 +352,7 @@ def test_what_cannot_be_done_at_any_point_is_bad_input(tmp_path: Path, capsys: p
     path = study(tmp_path, text)
     assert run(["run", path]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith(f"workbench: {path}: [analyses.a]: ")
+    assert line.startswith(f"workbench: {path}: line 1: [analyses.a]: ")
 
 
 def test_a_signal_before_the_store_is_open_ends_the_study(tmp_path: Path) -> None:

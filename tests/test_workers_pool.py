@@ -359,7 +359,7 @@ def test_messages_in_disorder_are_one_error(model: wb.DescribedModel, messages: 
 def test_limits_are_checked_where_they_are_written(
     name: str, value: float, capsys: pytest.CaptureFixture[str], model: wb.DescribedModel
 ) -> None:
-    said = f"{name.replace('_', ' ')}: .*(is not a positive number|is as good as no limit)"
+    said = f"{name.replace('_', '.')}: .*(is not a (positive )?number|is as good as no limit)"
     for kind in (wb.Workers, Worker):
         with pytest.raises(wb.InputError, match=said):
             recast(kind, kind(), **{name: value})

@@ -191,7 +191,8 @@ class ModelRuns:
         if found.y is None:
             self.failed[found.reason] += 1
         self.start = self.start or found.start
-        self._job.done(f"{self.doing}: run {self.count}", self.count, self.count + 1)
+        made = self._job.reached[0] + 1  # of all problems
+        self._job.done(f"{self.doing}: run {made}", made, made + 1)
 
     def _seen(self, y: Floats | None, z: Floats, i: int) -> Floats | None:
         """Return what sensors show of outputs."""
