@@ -495,6 +495,7 @@ def test_a_run_is_named_and_thrown_away(ui: Ui) -> None:
     assert ui.ask("POST", f"/api/works/{number}/name", {"name": " hover "}).status == 200
     assert ui.get(f"/api/works/{number}")["name"] == "hover"
     assert ui.ask("POST", f"/api/works/{number}/remove").status == 200
+    assert ui.ended(ui.begin("info", "Rudder.fmu"))["number"] > number  # whose events are still told
     assert ui.ask("GET", f"/api/works/{number}").status == 404
     assert number not in [work["number"] for work in ui.get("/api/start")["works"]]
 

@@ -161,6 +161,7 @@ class Desk:
         self._shelf = Shelf(root.folder)
         earlier = (Work.kept(drawer) for drawer in self._shelf.drawers())
         self.works: dict[int, Work] = {work.number: work for work in earlier if work is not None}
+        self._newest = max(self.works, default=0)  # of a work that may have been removed: its events are still told
         # What a page asks does not wait for what a person measures.
         self._threads = {a: ThreadPoolExecutor(_AT_ONCE, thread_name_prefix="work") for a in (False, True)}
         self._lock = threading.Lock()
@@ -229,9 +230,9 @@ class Desk:
         given: Mapping[str, Any], *, aside: bool = False, after: Work | None = None,
     ) -> Work:  # fmt: skip
         with self._lock:
-            number = max(self.works, default=0) + 1
+            number = self._newest + 1
             drawer, why = (None, "") if aside else self._drawer(number)
-            number = number if drawer is None else drawer.number
+            self._newest = number = number if drawer is None else drawer.number
             store = drawer.store if drawer is not None and getattr(asked[0], "store", "") is None else None
             if store is not None and after is not None and after.drawer is not None:
                 after.drawer.store.rename(store)
