@@ -114,9 +114,17 @@ def test_every_field_is_documented() -> None:
 
 def test_names_are_sorted_and_found() -> None:
     assert sorted(wb.__all__) == wb.__all__
-    assert set(wb.__all__) <= set(dir(wb))
     with pytest.raises(AttributeError, match="no attribute 'nosuch'"):
         _ = wb.nosuch  # type: ignore[attr-defined]
+
+
+def test_dir_lists_what_a_person_writes_and_not_what_is_returned() -> None:
+    listed = {name for name in dir(wb) if not name.startswith("_")}
+    made = {name for name in wb.__all__ if name[0].islower() or name.endswith("Error")}
+    assert made | {"Step", "Sine", "Model", "OperatingPoint"} <= listed < set(wb.__all__)
+    returned = {n for n in wb.__all__ if hasattr(getattr(wb, n), "to_csv") and hasattr(getattr(wb, n), "plot")}
+    assert len(returned) > 20
+    assert listed & returned <= {"Experiment", "Linear", "Response"}
 
 
 def test_importing_the_package_loads_nothing_heavy() -> None:

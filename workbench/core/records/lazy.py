@@ -12,16 +12,18 @@ if TYPE_CHECKING:
 __all__ = ["homes_in", "lazily"]
 
 
-def homes_in(stub: str) -> dict[str, str]:
+def homes_in(stub: str, *, end: str | None = None) -> dict[str, str]:
     """Return name → module of the public names that a stub imports, sorted.
 
     Args:
         stub: path of an `__init__.pyi`.
+        end: only what stands above this line; None: all.
     """
     import ast  # noqa: PLC0415 - it takes longer than importing the package does
 
     with open(stub, encoding="utf-8") as file:  # noqa: PTH123 - so does pathlib
-        lines = ast.parse(file.read()).body
+        text = file.read()
+    lines = ast.parse(text.partition(end)[0] if end else text).body
     result = {a.name: line.module or "" for line in lines if isinstance(line, ast.ImportFrom) for a in line.names}
     return dict(sorted(result.items()))
 
@@ -31,7 +33,8 @@ def lazily(package: str, file: str, added: str = "") -> tuple[Callable[[str], ob
 
     Args:
         package: its name.
-        file: its `__init__.py`; beside it stands the stub `__init__.pyi`, which type checkers read.
+        file: its `__init__.py`; beside it stands the stub `__init__.pyi`, which type checkers read. `dir` lists what
+            stands above its `# isort: split`.
         added: "module:name" of a function that returns what plug-ins add, by name; empty: they add nothing.
 
     Source: Scientific Python, SPEC 1, lazy loading of submodules and functions.
@@ -70,4 +73,8 @@ def lazily(package: str, file: str, added: str = "") -> tuple[Callable[[str], ob
         setattr(sys.modules[package], name, value)
         return value
 
-    return get, lambda: sorted({*vars(sys.modules[package]), *known(), *others()})
+    def listed() -> list[str]:
+        own = (name for name in vars(sys.modules[package]) if name.startswith("__"))
+        return sorted({*own, *homes_in(f"{file}i", end="# isort: split"), *others()})
+
+    return get, listed
