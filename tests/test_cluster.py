@@ -8,11 +8,13 @@ import signal
 import socket
 import sys
 import threading
+import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -110,12 +112,40 @@ def test_an_error_of_a_job_is_raised_and_the_cluster_goes_on(model: wb.Described
 
 def test_stop_ends_soon_and_frees_the_workers(model: wb.DescribedModel, cluster: Cluster) -> None:
     with on(cluster, model) as runner:
-        events = runner.run(obey, deque([("say", 1), ("sleep", 300.0), ("sleep", 300.5)]))
+        events = runner.run(obey, deque([("say", 1), ("sleep", 90.0), ("sleep", 90.5)]))
         next(events)
         runner.stop()
         with pytest.raises(KeyboardInterrupt):
             next(events)
-    assert values(on(cluster, model), ("say", 2)) == {("say", 2): [2]}  # not behind five minutes of sleep
+    begin = time.monotonic()
+    assert values(on(cluster, model), ("say", 2)) == {("say", 2): [2]}
+    assert time.monotonic() < begin + 60.0  # not behind the sleep
+
+
+def silence(dask_scheduler: Any) -> None:  # noqa: ANN401 - distributed is untyped
+    """Let no worker be told any more that nobody waits for a task of its."""
+    for channel in dask_scheduler.stream_comms.values():
+        channel.send = partial(_all_but_ends, channel.send)
+
+
+def _all_but_ends(send: Callable[..., None], *messages: dict[str, Any]) -> None:
+    send(*(message for message in messages if message["op"] != "free-keys"))
+
+
+def test_a_job_ends_that_is_not_told_that_nobody_waits_for_it(model: wb.DescribedModel) -> None:
+    with Cluster("local:1") as cluster:
+        cluster.client.run_on_scheduler(silence)
+        with on(cluster, model) as runner:
+            events = runner.run(obey, deque([("say", 1), ("sleep", 90.0)]))
+            next(events)
+            runner.stop()
+            with pytest.raises(KeyboardInterrupt):
+                next(events)
+        with on(cluster, model) as runner:
+            events = runner.run(obey, deque([("say", 2), ("sleep", 0.0)]))
+            begin = time.monotonic()
+            assert isinstance(next(events), Reply)
+            assert time.monotonic() < begin + 60.0  # likewise
 
 
 def where(model: Model, _job: object) -> Iterator[tuple[int, str]]:

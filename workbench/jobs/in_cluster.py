@@ -9,6 +9,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any
@@ -25,6 +26,8 @@ from workbench.model.base import Model, Recipe
 __all__ = ["Batch", "BatchReply", "do_batch", "proof", "take_apart", "the_same"]
 
 _APART = 1 << 15  # bytes that are longer travel by themselves
+_LOOK = 1.0  # [s] between two looks whether somebody still waits for the result
+_ASK = 5.0  # [s] between two questions to the scheduler whether somebody does
 
 
 @dataclass(frozen=True)
@@ -195,14 +198,25 @@ class _Awaited(Pool):
 
     def __init__(self, recipe: Recipe | None, limits: Limits) -> None:
         super().__init__(recipe, jobs=1, limits=limits)
-        self._asked = 0.0
+        self._looked = self._asked = time.monotonic()
 
     def _raise_if_stopped(self) -> None:
         now = time.monotonic()
-        if now > self._asked + 1.0:
-            self._asked = now
-            self.stopped = _released()
+        if now > self._looked + _LOOK:
+            self._looked = now
+            self.stopped = _released() or (now > self._asked + _ASK and self._unknown())
         super()._raise_if_stopped()
+
+    def _unknown(self) -> bool:
+        """Return whether the scheduler has forgotten the task: a task that moved meanwhile does not hear of its end."""
+        self._asked = time.monotonic()
+        worker = import_module("distributed.worker")
+        ask = import_module("distributed.utils").sync
+        with suppress(Exception):  # not in a worker, or the scheduler does not answer, which is not for a job to judge
+            own, key = worker.get_worker(), worker.thread_state.key
+            known = ask(own.loop, own.scheduler.get_task_status, keys=[key], callback_timeout=_ASK)
+            return known[key] is None
+        return False
 
 
 def _pool(recipe: Recipe | None, limits: Limits) -> Pool:
