@@ -380,3 +380,12 @@ def test_a_fold_is_located_where_light_damping_moves_it_strides_away(tmp_path: P
         truth = fsolve(misses, [*x, fold.frequency_hz], xtol=1e-10)
         assert np.abs(misses(truth)).max() < 1e-6
         assert fold.frequency_hz == pytest.approx(truth[2], rel=1e-5)
+
+
+def test_states_that_only_rounding_moves_do_not_count() -> None:
+    with wb.load("fmu:Rudder") as rudder:  # the chambers are alike: the piston stands, whatever the supply does
+        result = wb.branches(rudder, "pS", "p1", band=(1.0, 10.0), amplitudes=[1e5])
+        linear = wb.lin(rudder, inputs=["pS"], outputs=["p1"]).result
+    for branch in result.branches:
+        expected = np.abs(linear.response(branch.frequency_hz)[:, 0, 0])
+        np.testing.assert_allclose(branch.gain, expected, rtol=1e-3)

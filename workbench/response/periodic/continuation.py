@@ -164,8 +164,10 @@ def _next(family: Family, here: Place, stride: float) -> tuple[Place, float] | s
         missed = _missed(here, place, stride) / stride
         # What is missed in proportion to the stride is a direction that is wrong.
         if missed > _NEARBY and stride < 0.1 * _FIRST and family.finer():
-            here = correct(family, here.x, here.p, here.direction, rounds=3 * ROUNDS)
-            stride = _FIRST
+            try:
+                here, stride = correct(family, here.x, here.p, here.direction, rounds=3 * ROUNDS), _FIRST
+            except SimulationError as error:
+                return f"no place further on: {error}"
             continue
         if missed > _NEARBY:
             why, stride = "Newton's method leads elsewhere", 0.25 * stride

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from workbench.core.values.arrays import Complex, Floats
 from workbench.errors import InputError, SimulationError
+from workbench.kernel.native_slopes import NativeSlopes
 from workbench.response.periodic.fourier import ORDERS, Period, fundamental
 from workbench.response.periodic.monodromy import VariationalEquation, instants, tangent
 from workbench.session.compiled import CompiledMeSession, Harmonics
@@ -46,6 +47,11 @@ _AT_ONCE = 1e-9
 
 # A state that moves by no more than this part of its size is at rest.
 _AT_REST = 1e-6
+
+# What moves by less than this part of its smallest scale may move by rounding.
+_SMALL = 1e-3
+# It does if it moves nothing else by more than this part of its motion.
+_NOTHING = 1e-4
 
 # Of the motion of each state, or of the range of a parameter, for differences of whole periods; with more states than
 # `FEW_STATES` they cost too many.
@@ -173,6 +179,11 @@ class PeriodMap:
                 "at its begin, so periodic motions cannot be solved for; nfr waits until they have settled"
             )
 
+    @cached_property
+    def smallest(self) -> Floats:
+        """Smallest scale of the error of each state, shape (n,), see `CompiledMeSession.scales`."""
+        return self.session.scales()[0]
+
     def lap(self, frequency: float, amplitude: float = 0.0, x: Floats | None = None, *, intervals: int = 0) -> Lap:
         """Run one period.
 
@@ -206,9 +217,32 @@ class PeriodMap:
         lap = Lap(x0, session.stand(), period, session.events - events, np.maximum(np.abs(x0), 1e-12))
         if slopes is None or not slopes.complete or not np.isfinite(slopes.A).all():
             return lap
-        unit = _motion(np.vstack([slopes.x, x0, lap.x1]))
+        unit = self._motion(slopes, np.vstack([slopes.x, x0, lap.x1]), length, period)
         result = tangent(slopes, length, unit, self.order, rows=self.derived)
         return replace(lap, unit=unit, tangent=result, flow=slopes.dx[0])
+
+    def _motion(self, slopes: NativeSlopes, x: Floats, length: float, period: Period) -> Floats:
+        """Return how far each state moves in a period; where it is at rest, its size; 1 where that is zero, too.
+
+        States that move by much less than their smallest scale, and neither the output nor any other state by a
+        part of its motion that matters, are at rest too: what is not driven at all moves by rounding. Their
+        smallest scale counts.
+
+        Args:
+            slopes: along the period.
+            x: states along it, shape (k, n).
+            length: of it [s].
+            period: what the output does.
+        """
+        swing, size = np.ptp(x, axis=0), np.max(np.abs(x), axis=0)
+        still, low = swing <= _AT_REST * size, swing < _SMALL * self.smallest
+        result: Floats = np.where(still, np.where(size > 0.0, size, 1.0), swing)
+        if (low & ~still).any():
+            others = length * np.max(np.abs(slopes.A), axis=0)[np.ix_(~low, low)] @ swing[low]
+            output = np.max(np.abs(slopes.C[:, 0]), axis=0)[low] @ swing[low]
+            if (others <= _NOTHING * swing[~low]).all() and output <= _NOTHING * abs(fundamental(period.harmonics)):
+                result[low] = np.maximum(size, self.smallest)[low]
+        return result
 
     def by_differences(self, lap: Lap, frequency: float, amplitude: float = 0.0) -> Lap:
         """Return a lap with the derivative of the map by differences of whole periods: right with jumps of the flow.
@@ -221,14 +255,6 @@ class PeriodMap:
             amplitude: of the forcing.
         """
         return replace(lap, tangent=differences(lap, lambda x: self.lap(frequency, amplitude, x)))
-
-
-def _motion(points: Floats) -> Floats:
-    """Return how far each state moves; its size where it is at rest, 1 where that is zero, too."""
-    swing, size = np.ptp(points, axis=0), np.max(np.abs(points), axis=0)
-    unit = np.where(swing > _AT_REST * size, swing, size)
-    result: Floats = np.where(unit > 0.0, unit, 1.0)
-    return result
 
 
 def differences(lap: Lap, run: Callable[[Floats], Lap], part: float = NUDGE) -> VariationalEquation:
