@@ -11,7 +11,7 @@ from workbench.core.values.arrays import Floats
 from workbench.data.excite.design import FilterDesign
 from workbench.data.excite.signals import MultisineDesign, PrbsDesign
 from workbench.data.experiment.experiment import Experiment
-from workbench.errors import InputError
+from workbench.errors import InputError, SimulationError
 from workbench.identification.calibrate.information import Information
 from workbench.identification.calibrate.problem import CalibrationProblem
 from workbench.identification.calibrate.quantities import FreeValues
@@ -64,8 +64,11 @@ def next_experiment(
     best: tuple[float, FilterDesign, Floats] | None = None
     for design, u in _signals(amplitudes, first, samples, request.next_rate or {}):
         asked = posed(_played(first, amplitudes, u), quantities)
-        gradient = asked.gradient(found.z[shared], central=False)
-        if gradient.failed:
+        try:
+            gradient = asked.gradient(found.z[shared], central=False)
+        except SimulationError:
+            gradient = None
+        if gradient is None or gradient.failed:
             tried.append(TriedSignal(signal=_named(design), criterion=None))
             continue
         added = asked.whitened(gradient)[0]

@@ -229,6 +229,15 @@ class Calibrate(AtPoint, InWorkers, ModelRequest["CalibrateResult"]):
         "Number of further searches, from a Sobol' sequence within the limits.", metavar="N", least=0, default=0
     )
     profile: bool = option("Follow the likelihood to the ends of each parameter's region.", default=False)
+    bootstrap: int = option(
+        "Take the regions from so many records of the estimated model with noise drawn anew; 200 or more.",
+        metavar="N",
+        least=0,
+        default=0,
+    )
+    store: File | None = option(
+        "Folder in which runs are kept; the same command continues from there.", metavar="DIR", default=None
+    )
     next_inputs: Values | None = option(
         "Input of a further experiment, with its amplitude: the signal is found that narrows the regions most.",
         flag="--next",
