@@ -82,7 +82,7 @@ def information(found: Estimate) -> Information:
     quantile = float(stdtrit(max(problem.samples - count, 1), 0.5 + 0.5 * LIKELY))
     widening = problem.loss.widening(e)
     _, s, Vt = np.linalg.svd(J[:, free], full_matrices=False)
-    unseen = s <= max(np.linalg.norm(error[:, free]), _ROUNDING * s.max(initial=0.0))
+    unseen = s <= np.maximum(np.linalg.norm(error[:, free] @ np.abs(Vt).T, axis=0), _ROUNDING * s.max(initial=0.0))
     half = quantile * math.sqrt(widening) / np.where(unseen, np.nan, s)
     covariance = np.zeros((len(free), len(free)))
     inner = (Vt[~unseen].T / s[~unseen] ** 2) @ Vt[~unseen] * widening
@@ -275,7 +275,7 @@ def bootstrap(found: Estimate, request: Calibrate, draws: int) -> Floats:
         problem.runs.place.doing = f"draw {number} of {draws}"
         noise = problem.noise.drawn(white, problem.segments, y, rng)
         data = tuple(replace(one, y=a + v) for one, a, v in zip(problem.data, y, noise, strict=True))
-        ended = descent(replace(problem, data=data), found.z, request)
+        ended = descent(replace(problem, data=data), found.z, request, slopes=(found.z, found.gradient))
         if ended is not None:
             result.append(ended.z)
     return np.array(result)

@@ -14,9 +14,10 @@ from workbench.identification.calibrate.noise import ColouredNoise, estimated
 from workbench.identification.calibrate.problem import CalibrationProblem, Gradient
 from workbench.identification.calibrate.request import Calibrate
 
-__all__ = ["Estimate", "descent", "search"]
+__all__ = ["DescentEnd", "Estimate", "descent", "search"]
 
 _STILL = 0.01  # standard errors: what moves less has been found
+_HELD = 0.3  # standard errors: so far a gradient is that of where it was taken
 _FIRST = 1e-3  # relative fall of the cost that ends the first search
 _EXACT = 1e-9  # relative step that ends a search without noise to be below
 _ROUNDS = 8  # noise and parameters in turn
@@ -53,12 +54,26 @@ class Estimate:
     notes: tuple[str, ...] = ()
 
 
+_Slopes = tuple[Floats, Gradient]  # coordinates, and the gradient there
+
+
 @dataclass(frozen=True, eq=False)
-class _DescentEnd:
+class DescentEnd:
+    """Where a trust region ended.
+
+    Attributes:
+        z: coordinates, shape (q,).
+        J: derivatives of the whitened residuals, shape (N, q).
+        cost: half of it.
+        status: see `scipy.optimize.least_squares`.
+        slopes: the last gradient.
+    """
+
     z: Floats
     J: Floats
     cost: float
     status: int
+    slopes: _Slopes
 
 
 def search(problem: CalibrationProblem, request: Calibrate, reached: Callable[[Estimate], None]) -> Estimate:
@@ -74,7 +89,7 @@ def search(problem: CalibrationProblem, request: Calibrate, reached: Callable[[E
     """
     place = problem.runs.place
     place.doing = "search from the start values"
-    first = descent(problem, problem.quantities.start, request, _FIRST, reached)
+    first = descent(problem, problem.quantities.start, request, _FIRST, reached=reached)
     notes: list[str] = []
     count = request.starts
     if not count and not _explains(problem, first):
@@ -93,7 +108,7 @@ def search(problem: CalibrationProblem, request: Calibrate, reached: Callable[[E
     return replace(_refined(problem, first, request, reached), notes=tuple(notes))
 
 
-def _explains(problem: CalibrationProblem, ended: _DescentEnd | None) -> bool:
+def _explains(problem: CalibrationProblem, ended: DescentEnd | None) -> bool:
     """Return whether a fit leaves less than half of what the outputs move."""
     if ended is None:
         return False
@@ -108,44 +123,52 @@ def _size(problem: CalibrationProblem, outputs: int, i: int) -> float:
 
 
 def descent(
-    problem: CalibrationProblem, z0: Floats, request: Calibrate, fall: float = 0.0,
+    problem: CalibrationProblem, z0: Floats, request: Calibrate, fall: float = 0.0, slopes: _Slopes | None = None,
     reached: Callable[[Estimate], None] | None = None,
-) -> _DescentEnd | None:  # fmt: skip
+) -> DescentEnd | None:  # fmt: skip
     """Return where a trust region ends; None: the model cannot be run at its start.
+
+    A gradient counts up to a third of a standard error from where it was taken.
 
     Args:
         problem: whose cost.
         z0: where it starts.
         request: with the largest number of runs.
         fall: relative fall of the cost that ends it; 0: that of a hundredth of the standard errors.
+        slopes: a gradient that is known.
         reached: is told where it stands.
     """
     if not np.all(np.isfinite(problem.residuals(z0))):
         return None
     left = request.max_runs - problem.runs.place.count
+    known = slopes or (z0, problem.gradient(z0, central=False))
 
     def jacobian(z: Floats) -> Floats:
-        gradient = problem.gradient(z, central=False)
+        nonlocal known
+        J = problem.whitened(known[1])[0]
+        if np.linalg.norm(J @ (z - known[0])) > _HELD:
+            known = z, problem.gradient(z, central=False)
+            J = problem.whitened(known[1])[0]
         if reached is not None:
-            reached(Estimate(problem, z, gradient, "it was stopped", converged=False))
-        return -problem.whitened(gradient)[0]
+            reached(Estimate(problem, z, known[1], "it was stopped", converged=False))
+        return -J
 
     found = least_squares(
         problem.residuals, z0, jac=jacobian, bounds=problem.quantities.limits, method="trf", x_scale="jac",
         loss=problem.loss.rho or "linear", ftol=fall or _STILL**2 / problem.samples, xtol=_EXACT, gtol=_EXACT,
         max_nfev=max(1, left // ((len(z0) + 1) * len(problem.data))),
     )  # fmt: skip
-    return _DescentEnd(found.x, found.jac, float(found.cost), int(found.status))
+    return DescentEnd(found.x, found.jac, float(found.cost), int(found.status), known)
 
 
 def _refined(
-    problem: CalibrationProblem, ended: _DescentEnd, request: Calibrate, reached: Callable[[Estimate], None]
+    problem: CalibrationProblem, ended: DescentEnd, request: Calibrate, reached: Callable[[Estimate], None]
 ) -> Estimate:
     """Return the search continued, the noise estimated anew until nothing moves."""
     for number in range(_ROUNDS):
         problem.runs.place.doing = f"noise and parameters in turn, round {number + 1}"
         problem, before = problem.with_noise(_noise(problem, ended.z, request)), ended.z
-        ended = descent(problem, before, request, reached=reached) or ended
+        ended = descent(problem, before, request, 0.0, ended.slopes, reached) or ended
         moved = np.linalg.norm(ended.J @ (ended.z - before))
         if ended.status == 0 or (number > 0 and moved < _STILL * np.sqrt(len(before))):
             break
