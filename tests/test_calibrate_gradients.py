@@ -31,7 +31,7 @@ def gradient(model: wb.DescribedModel, data: wb.Experiment, values: dict[str, fl
         found = measured(model, [data], request)
         quantities = quantities_of(model, found, request)
         place = place_of(model, request, Job(), len(quantities), stack)
-        noise = ColouredNoise({n: 1.0 for n in data.output_names}, {n: np.zeros(0) for n in data.output_names})
+        noise = ColouredNoise(dict.fromkeys(data.output_names, 1.0), {n: np.zeros(0) for n in data.output_names})
         problem, _ = CalibrationWork(model, request, place).problem(found, quantities, noise)
         z = np.array([q.coordinate(values[q.name]) for q in quantities])
         (y,) = problem.runs.outputs([z])[0]
@@ -56,7 +56,7 @@ def gradient(model: wb.DescribedModel, data: wb.Experiment, values: dict[str, fl
 def test_gradients_are_those_of_complex_steps(
     model: str, input_: str, output: str, dt: float, size: float, values: dict[str, float]
 ) -> None:
-    """To 1e-6; where a model switches without an event (`min` of the actuator) an integration is as good as its root."""
+    """To 1e-6. The actuator switches without an event (`min`): what is integrated to ε has slopes to √ε."""
     u = size * STAIRS
     y, J = complex_step(model, u, dt, values)
     tolerance = 1e-12 if model == "fmu:LimitedActuator" else 1e-9

@@ -213,7 +213,8 @@ UNSEEN: Mapping[str, PlantedCase] = {
         model="fmu:Saturation", truth={"D": 0.4, "upper": 5.0}, amplitude=0.4, named=("upper: does not act",)
     ),
     "weak spring": PlantedCase(
-        model="fmu:Duffing", truth={"stiffness": 1.2, "cubic": 1.1}, amplitude=1e-3, named=("cubic: the data leave it open",)
+        model="fmu:Duffing", truth={"stiffness": 1.2, "cubic": 1.1}, amplitude=1e-3,
+        named=("cubic: the data leave it open",),
     ),
 }  # fmt: skip
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 from workbench.errors import WorkbenchError
+from workbench.fmi.variable import Value
 from workbench.identification.calibrate.calibrated import system_of
 from workbench.model import DescribedModel, Model
 from workbench.model.load import FmuRecipe
@@ -36,7 +38,8 @@ def copies(model: Model, count: int) -> DescribedModel | None:
     outer = SystemDescription(
         name=model.name, components=(), inputs={n: tuple(f"{i.name}.{n}" for i in every) for n in one.inputs}
     )
-    parts, starts = {}, {}
+    parts: Mapping[str, FmuRecipe] = {}
+    starts: Mapping[str, Value] = {}
     if isinstance(recipe, SystemRecipe):
         parts, starts = recipe.parts, recipe.start_values
     elif isinstance(recipe, FmuRecipe):

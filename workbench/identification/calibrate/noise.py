@@ -153,7 +153,6 @@ class ColouredNoise:
             [_white(arrays[i][piece, j], self.colour[n]) / self.sigma[n] for i, j, n, piece in segments.each()]
         )
 
-
     def drawn(self, e: Floats, segments: Segments, like: Sequence[Floats], rng: np.random.Generator) -> list[Floats]:
         """Return noise as large and coloured as this, shape (n, p) of each data set; NaN where there is no sample.
 

@@ -77,11 +77,8 @@ class CalibrationProblem:
 
     def difference(self, z: Floats) -> list[Floats] | None:
         """Return measured less computed, shape (n, p) of each data set; None: a run failed."""
-        found = self.runs.outputs([z])[0]
-        known = [y for y in found if y is not None]
-        if len(known) < len(found) or not all(np.all(np.isfinite(y)) for y in known):
-            return None
-        return [one.y - y for one, y in zip(self.data, known, strict=True)]
+        known = _whole(self.runs.outputs([z])[0])
+        return None if known is None else [one.y - y for one, y in zip(self.data, known, strict=True)]
 
     def residuals(self, z: Floats) -> Floats:
         """Return the whitened residuals, shape (N,); infinite where a run failed, or grew beyond all bounds."""
@@ -141,9 +138,10 @@ class CalibrationProblem:
             there = np.clip(z + sign * step, low, high)
             there = np.where(np.abs(there - z) > _ROOM * step, there, np.clip(z - sign * step, low, high))
             found = run([z, *(np.where(np.arange(len(z)) == k, there, z) for k in chosen)])
-            if found is None or any(y is None for y in found[0]):
+            base = None if found is None else _whole(found[0])
+            if found is None or base is None:
                 return None
-            sides.append([_slopes(y, [f[i] for f in found[1:]], chosen, there - z) for i, y in enumerate(found[0])])
+            sides.append([_slopes(y, [f[i] for f in found[1:]], chosen, there - z) for i, y in enumerate(base)])
         both = list(zip(sides[0], sides[-1], strict=True))
         y = [np.where(np.isnan(a), b, np.where(np.isnan(b), a, 0.5 * (a + b))) for a, b in both]
         error = tuple(np.nan_to_num(0.5 * np.abs(a - b)) for a, b in both)
@@ -153,6 +151,11 @@ class CalibrationProblem:
     def whitened(self, gradient: Gradient) -> tuple[Floats, Floats]:
         """Return J = −∂e/∂z, shape (N, q), and its error."""
         return self.noise.whitened(gradient.y, self.segments), self.noise.whitened(gradient.error, self.segments)
+
+
+def _whole(found: Sequence[Floats | None]) -> list[Floats] | None:
+    known = [y for y in found if y is not None and np.all(np.isfinite(y))]
+    return known if len(known) == len(found) else None
 
 
 def _slopes(base: Floats, moved: Sequence[Floats | None], chosen: NDArray[np.intp], steps: Floats) -> Floats:

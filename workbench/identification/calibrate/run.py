@@ -11,12 +11,13 @@ from typing import cast
 import numpy as np
 from scipy.special import chdtrc
 
+from workbench.core.machine.files import file_to_write
 from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.errors import InputError
 from workbench.identification.calibrate.calibrated import write_calibrated
 from workbench.identification.calibrate.copies import copies
-from workbench.identification.calibrate.data import measured, played
+from workbench.identification.calibrate.data import check_named, measured, played
 from workbench.identification.calibrate.information import (
     LIKELY,
     Information,
@@ -67,6 +68,9 @@ def run(model: Model, request: Calibrate, job: Job) -> CalibrateResult:
     data = measured(model, cast("_Given", request.data), request)
     others = measured(model, cast("_Given", request.validation or ()), request)
     quantities = quantities_of(model, data, request)
+    check_named(data, request)
+    if request.out is not None:
+        file_to_write(request.out, option="out")
     notes = [*remarks, *(note for one in (*data, *others) for note in one.notes), *_doubts(data)]
     with ExitStack() as stack:
         place = place_of(model, request, job, len(quantities), stack)
@@ -153,7 +157,7 @@ class CalibrationWork:
 
 
 def _doubts(data: Sequence[Experiment]) -> Iterator[str]:
-    """Yield notes on inputs that do not move, in any of the data."""
+    """Yield notes on inputs and outputs that do not move, in any of the data."""
     names = dict.fromkeys(n for one in data for n in one.input_names)
     for name in names:
         columns = [one.u[:, one.input_names.index(name)] for one in data if name in one.input_names]
@@ -161,6 +165,10 @@ def _doubts(data: Sequence[Experiment]) -> Iterator[str]:
             yield f"input '{name}' does not move in the data: what acts by its changes alone cannot be seen"
     if not names and not any(isinstance(one, ResponseData) for one in data):
         yield "no input was measured: all stay at their start values"
+    for name in dict.fromkeys(n for one in data for n in one.output_names):
+        columns = [one.y[:, one.output_names.index(name)] for one in data if name in one.output_names]
+        if not any(np.ptp(column[np.isfinite(column)]) > 0.0 for column in columns):
+            yield f"output '{name}' does not move in the data: it tells little"
 
 
 def _between_samples(found: Estimate, known: Information, work: CalibrationWork) -> Iterator[str]:

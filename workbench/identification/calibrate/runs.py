@@ -161,9 +161,7 @@ class ModelRuns:
         quantities: of the coordinates.
     """
 
-    def __init__(
-        self, place: RunPlace, data: Sequence[PlayedData | PlayedResponse], quantities: FreeValues
-    ) -> None:
+    def __init__(self, place: RunPlace, data: Sequence[PlayedData | PlayedResponse], quantities: FreeValues) -> None:
         self.place, self._data, self._quantities = place, tuple(data), quantities
         self._known: OrderedDict[_Key, RunOutputs] = OrderedDict()
         self._prints = [_print_of(one) for one in self._data] if place.store is not None else []

@@ -97,6 +97,8 @@ def search(problem: CalibrationProblem, request: Calibrate, reached: Callable[[E
         why = "the model cannot be run at the start values" if first is None else "the first search fits poorly"
         notes.append(f"{why}: {count} further starts were tried")
     for number, z in enumerate(problem.quantities.further(count), 1):
+        if place.count >= request.max_runs:
+            break
         place.doing = f"search from start {number} of {count}"
         other = descent(problem, z, request, _FIRST)
         if other is not None and (first is None or other.cost < first.cost):
@@ -123,7 +125,7 @@ def _size(problem: CalibrationProblem, outputs: int, i: int) -> float:
 
 
 def descent(
-    problem: CalibrationProblem, z0: Floats, request: Calibrate, fall: float = 0.0, slopes: _Slopes | None = None,
+    problem: CalibrationProblem, z0: Floats, request: Calibrate, fall: float = 0.0, *, slopes: _Slopes | None = None,
     reached: Callable[[Estimate], None] | None = None,
 ) -> DescentEnd | None:  # fmt: skip
     """Return where a trust region ends; None: the model cannot be run at its start.
@@ -168,7 +170,7 @@ def _refined(
     for number in range(_ROUNDS):
         problem.runs.place.doing = f"noise and parameters in turn, round {number + 1}"
         problem, before = problem.with_noise(_noise(problem, ended.z, request)), ended.z
-        ended = descent(problem, before, request, 0.0, ended.slopes, reached) or ended
+        ended = descent(problem, before, request, slopes=ended.slopes, reached=reached) or ended
         moved = np.linalg.norm(ended.J @ (ended.z - before))
         if ended.status == 0 or (number > 0 and moved < _STILL * np.sqrt(len(before))):
             break
