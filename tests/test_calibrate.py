@@ -21,6 +21,9 @@ from workbench.core.values.arrays import Floats
 from workbench.data.excite.signals import parse_design
 from workbench.errors import InputError, SimulationError
 from workbench.identification.calibrate.noise import LOSSES, ColouredNoise, Segments, estimated
+from workbench.identification.calibrate.request import Calibrate
+from workbench.identification.calibrate.run import run as calibrate_run
+from workbench.jobs.job import Job
 
 DT, TAU = 0.1, 0.6
 U = np.repeat(np.random.default_rng(2).uniform(-1.0, 1.0, 20), 10)
@@ -210,7 +213,7 @@ def test_initial_values_free_or_at_rest() -> None:
     assert rest.operating_point.x["x"] == pytest.approx(U[0])
 
 
-@pytest.mark.parametrize("name", UNSEEN)
+@pytest.mark.parametrize("name", list(UNSEEN)[::4])  # `scripts/evidence.py calibrate` has all
 def test_what_the_data_do_not_tell_is_named(name: str) -> None:
     case = UNSEEN[name]
     found = _of_case(case, computed(case))
@@ -288,6 +291,41 @@ def test_the_next_experiment_narrows_the_region_as_predicted() -> None:
     assert "multisine" in slow.signal
 
 
+def test_regions_by_drawn_records_are_those_of_the_covariance() -> None:
+    plain, drawn = (calibrated(record(noisy()), noise="white", bootstrap=n).of("tau") for n in (0, 80))
+    assert plain.std_error is not None
+    assert drawn.std_error == pytest.approx(plain.std_error, rel=0.3)  # of 80: 1/√160 = 8 %
+    assert drawn.low == pytest.approx(plain.low, abs=plain.std_error)
+    assert drawn.high == pytest.approx(plain.high, abs=plain.std_error)
+
+
+def test_a_store_keeps_the_runs(tmp_path: Path) -> None:
+    first, again = (calibrated(record(noisy()), store=tmp_path) for _ in range(2))
+    assert first.runs > 10
+    assert again.runs == 0
+    assert again.to_dict() == {**first.to_dict(), "runs": 0}
+    other = calibrated(record(noisy(), -U), store=tmp_path)
+    assert other.runs > 10
+
+
+def test_a_search_that_is_stopped_tells_where_it_stood() -> None:
+    job = Job(lambda what, done, _: job.stop() if done > 9 else None)  # in the search
+    request = Calibrate(record(noisy()), free={"tau": (0.1, 10.0)}, in_process=True)
+    with wb.load("fmu:FirstOrderLag", tolerance=1e-9) as lag, pytest.raises(KeyboardInterrupt):
+        calibrate_run(lag, request, job)
+    found = job.partial()
+    assert isinstance(found, wb.CalibrateResult)
+    assert found.reason == "it was stopped"
+    assert not found.converged
+    assert 0.1 < found.of("tau").value < 1.0
+    assert np.isfinite(found.data[0].computed).all()
+
+
+def test_runs_for_other_data_are_counted() -> None:
+    alone, compared = (calibrated(record(noisy()), validation=more) for more in (None, record(noisy(4), -U)))
+    assert compared.runs == alone.runs + 2
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -302,6 +340,11 @@ def test_the_next_experiment_narrows_the_region_as_predicted() -> None:
         ({"biases": ["x"]}, "'x' is not among the measured outputs"),
         ({"initial": "free", "states": {"x": (0, 1)}}, "leave one out"),
         ({"loss": "l1"}, "loss 'l1' is unknown"),
+        ({"weights": {"z": 1.0}}, "weights: 'z' is not among the measured outputs"),
+        ({"weights": {"y": 0.0}}, "weights: y = 0 is not a positive number"),
+        ({"delays": {"y": -1.0}}, "delays: y = -1 is not a positive number"),
+        ({"next_inputs": {"y": 1.0}}, "next_inputs: 'y' is not among the measured inputs"),
+        ({"out": "nowhere/lag.toml"}, "out: the folder 'nowhere' does not exist"),
     ],
 )
 def test_bad_input_is_said_in_a_line(changes: dict[str, Any], words: str) -> None:

@@ -134,26 +134,87 @@ CASES: Mapping[str, PlantedCase] = {
     ),
 }  # fmt: skip
 
+_VALVE: dict[str, Any] = {"cD": (0.1, 2.0), "width": (0.002, 0.2), "rho": (100.0, 10000.0)}
+_LIMITED: dict[str, Any] = {"input": "command", "output": "deflection", "amplitude": 0.3, "dt": 0.05}
+_LAW = {"positiveByFlap[1]": 6.0}
+
 UNSEEN: Mapping[str, PlantedCase] = {
     "valve's product": PlantedCase(
-        model="fmu:Rudder", truth={"cD": 0.7, "width": 0.022}, **_RUDDER, named=("only cD·width is seen",),
-        limits={"cD": (0.1, 2.0), "width": (0.002, 0.2)},
+        model="fmu:Rudder", truth={"cD": 0.7, "width": 0.022}, limits=_VALVE, **_RUDDER,
+        named=("only cD·width is seen",),
     ),
     "valve's quotient": PlantedCase(
-        model="fmu:Rudder", truth={"cD": 0.7, "rho": 900.0}, **_RUDDER, named=("only cD²/rho is seen",),
-        limits={"cD": (0.1, 2.0), "rho": (100.0, 10000.0)},
+        model="fmu:Rudder", truth={"cD": 0.7, "rho": 900.0}, limits=_VALVE, **_RUDDER, named=("only cD²/rho is seen",)
+    ),
+    "valve's width": PlantedCase(
+        model="fmu:Rudder@3", truth={"width": 0.022, "rho": 900.0}, limits=_VALVE, **_RUDDER,
+        named=("only width²/rho is seen",),
+    ),
+    "valve, all three": PlantedCase(
+        model="fmu:Rudder", truth={"cD": 0.7, "width": 0.022, "rho": 900.0, "tauCurrent": 0.02}, limits=_VALVE,
+        **_RUDDER, named=("", ""),
+    ),
+    "valve, cs": PlantedCase(
+        model="fmu:Rudder@@cs", truth={"cD": 0.7, "width": 0.022}, limits=_VALVE, **_RUDDER,
+        named=("only cD·width is seen",),
+    ),
+    "valve in a loop": PlantedCase(
+        model="system:rudder_loop", truth={"plant.cD": 0.7, "plant.width": 0.022, "gain.gain": 1.7},
+        limits={f"plant.{name}": x for name, x in _VALVE.items()}, input="reference", output="del", dt=0.004,
+        named=("only plant.cD·plant.width is seen",),
+    ),
+    "amplifier and spool": PlantedCase(
+        model="fmu:Rudder", truth={"loopGain": 0.45, "currentMax": 0.03, "spoolGain": 0.012},
+        limits={"loopGain": (0.1, 3.0), "currentMax": (0.01, 0.2), "spoolGain": (0.002, 0.05)}, **_RUDDER,
+        named=("trade off",),
     ),
     "no stop": PlantedCase(
         model="fmu:Rudder", truth={"tauCurrent": 0.02, "stopStiffness": 2e8}, **_RUDDER,
         named=("stopStiffness: does not act",), limits={"stopStiffness": (1e7, 1e9)},
     ),
-    "no limit": PlantedCase(
-        model="fmu:LimitedActuator", truth={"rateLimit": 0.5, "upper": 0.5}, input="command", output="deflection",
-        amplitude=0.3, dt=0.05, named=("upper: does not act",),
+    "no stop, no bypass": PlantedCase(
+        model="fmu:Rudder", truth={"bypassArea": 1e-5, "tauCurrent": 0.02, "stopStiffness": 2e8}, **_RUDDER,
+        named=("bypassArea: does not act", "stopStiffness: does not act"),
+    ),
+    "command within its limit": PlantedCase(
+        model="fmu:Rudder", truth={"delMax": 20.0, "tauCurrent": 0.02}, **_RUDDER, named=("delMax: does not act",)
+    ),
+    "no upper limit": PlantedCase(
+        model="fmu:LimitedActuator", truth={"rateLimit": 0.5, "upper": 0.5}, **_LIMITED,
+        named=("upper: does not act",),
+    ),
+    "no limit at all": PlantedCase(
+        model="fmu:LimitedActuator", truth={"lower": -0.5, "rateLimit": 0.5, "upper": 0.5}, **_LIMITED,
+        named=("lower: does not act", "upper: does not act"),
     ),
     "another flap": PlantedCase(
-        model="fmu:ElevatorLaw", truth={"positiveByFlap[1]": 6.0, "positiveByFlap[2]": 8.0}, **_ELEVATOR,
+        model="fmu:ElevatorLaw", truth={**_LAW, "positiveByFlap[2]": 8.0}, **_ELEVATOR,
         named=("positiveByFlap[2]: does not act",),
+    ),
+    "another flap's offset": PlantedCase(
+        model="fmu:ElevatorLaw", truth={**_LAW, "offsetByFlap[3]": 4.0}, **_ELEVATOR,
+        named=("offsetByFlap[3]: does not act",),
+    ),
+    "not on the ground": PlantedCase(
+        model="fmu:ElevatorLaw", truth={**_LAW, "positiveGround[1]": 14.0}, **_ELEVATOR,
+        named=("positiveGround[1]: does not act",),
+    ),
+    "no failure": PlantedCase(
+        model="fmu:ElevatorLaw", truth={**_LAW, "failedFactor": 1.8}, **_ELEVATOR, named=("failedFactor: does not act",)
+    ),
+    "scale of the states": PlantedCase(
+        model="fmu:Saturation", truth={"B[1]": 1.1, "C[1]": 0.7, "C[2]": 0.6}, amplitude=0.4, named=("trade off",)
+    ),
+    "scale of a state": PlantedCase(
+        model="fmu:Saturation", truth={"A[1,2]": -0.4, "A[2,1]": 0.45, "C[2]": 0.7, "D": 0.4}, amplitude=0.4,
+        named=("trade off",),
+    ),
+    "not saturated": PlantedCase(
+        model="fmu:Saturation", truth={"D": 0.4, "upper": 5.0}, amplitude=0.4, named=("upper: does not act",)
+    ),
+    "weak spring": PlantedCase(
+        model="fmu:Duffing", truth={"stiffness": 1.2, "cubic": 1.1}, amplitude=1e-3,
+        named=("cubic: the data leave it open",),
     ),
 }  # fmt: skip
 

@@ -69,7 +69,8 @@ def check_variables(model: Model, names: Collection[str], *kinds: Kind, what: st
             words = f"'{name}' of {model.name} is an array; name an element, {elements[0]} … {elements[-1]}"
             raise InputError(f"{what}: {words}" if what else words)
     others = {v.name: kind for kind in reversed(_KINDS) if kind not in kinds for v in _of(model, kind)}
-    first = {f"{kind}s": [v.name for v in _of(model, kind)] for kind in ("output", "state") if "variable" in kinds}
+    shown: tuple[Kind, ...] = ("parameter", "output", "state") if "parameter" in kinds else ("output", "state")
+    first = {f"{kind}s": [v.name for v in _of(model, kind)] for kind in shown if "variable" in kinds}
     check_names(names, accepted, kinds=kinds, what=what, model=model.name, others=others, first=first)
 
 

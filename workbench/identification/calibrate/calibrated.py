@@ -14,7 +14,7 @@ from workbench.system.files.toml_write import write_toml
 from workbench.system.parameters import with_parameters
 from workbench.system.recipe import SystemRecipe
 
-__all__ = ["write_calibrated"]
+__all__ = ["system_of", "write_calibrated"]
 
 _NAME = "model"  # of the only component, where the model is an FMU
 
@@ -32,14 +32,20 @@ def write_calibrated(model: Model, values: Mapping[str, float], path: Path) -> N
     """
     if not isinstance(model, DescribedModel):
         return
-    system = _system(model, values)
+    system = system_of(model, values)
     if path.suffix.lower() == ".ssp":
         write_ssp(system, path)
     else:
         write_toml(system, path)
 
 
-def _system(model: DescribedModel, values: Mapping[str, float]) -> SystemDescription:
+def system_of(model: DescribedModel, values: Mapping[str, float]) -> SystemDescription:
+    """Return the model as a system, an FMU as its only component.
+
+    Args:
+        model: an FMU or a system.
+        values: parameter → value in place of its own.
+    """
     if isinstance(model.recipe, SystemRecipe):
         system, rest = with_parameters(model.recipe.system, {**model.recipe.start_values, **values})
         components = tuple(

@@ -18,7 +18,7 @@ from workbench.model import Model
 from workbench.model.names import check_variables, declared_units, forced_inputs, variables_of
 from workbench.signals.kinds import Signal, Table
 
-__all__ = ["PlayedData", "measured", "played"]
+__all__ = ["PlayedData", "check_named", "measured", "played"]
 
 _TINY = 1e-9  # of an interval: two times closer than that are one
 _NAMED = 6  # columns in a message
@@ -43,6 +43,31 @@ def measured(model: Model, given: Sequence[Experiment | str | Path], request: Ca
             known = one if isinstance(one, Experiment) else read_signals(one, dt=request.dt)
             result.append(_of_model(model, known, request))
     return tuple(result)
+
+
+def check_named(data: Sequence[Experiment], request: Calibrate) -> None:
+    """Refuse what is said of inputs and outputs that were not measured.
+
+    Args:
+        data: measured.
+        request: weights, delays, next inputs and their rates by name.
+
+    Raises:
+        InputError: an unknown name, a value that is not positive.
+    """
+    measured = {
+        "outputs": [name for one in data for name in one.output_names],
+        "inputs": [name for one in data for name in one.input_names],
+    }
+    for option in ("weights", "delays", "next_inputs", "next_rate"):
+        side = "inputs" if option.startswith("next") else "outputs"
+        for name, value in (getattr(request, option) or {}).items():
+            if name not in measured[side]:
+                raise InputError(
+                    f"{option}: '{name}' is not among the measured {side}; {suggest(name, measured[side])}"
+                )
+            if value < 0.0 or (value == 0.0 and option != "delays"):
+                raise InputError(f"{option}: {name} = {value:g} is not a positive number")
 
 
 def _of_model(model: Model, data: Experiment, request: Calibrate) -> Experiment:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import qr
@@ -14,9 +14,10 @@ from scipy.special import stdtrit
 from workbench.core.values.arrays import Floats
 from workbench.identification.calibrate.problem import Flags
 from workbench.identification.calibrate.quantities import FreeValue, FreeValues
-from workbench.identification.calibrate.search import Estimate
+from workbench.identification.calibrate.request import Calibrate
+from workbench.identification.calibrate.search import Estimate, descent
 
-__all__ = ["Information", "information", "profile"]
+__all__ = ["LIKELY", "Information", "bent", "bootstrap", "information", "profile"]
 
 LIKELY = 0.95  # of every region
 _OPEN = 1.0  # half a region, in coordinates: a wider one leaves the value open by more than its own size
@@ -81,7 +82,7 @@ def information(found: Estimate) -> Information:
     quantile = float(stdtrit(max(problem.samples - count, 1), 0.5 + 0.5 * LIKELY))
     widening = problem.loss.widening(e)
     _, s, Vt = np.linalg.svd(J[:, free], full_matrices=False)
-    unseen = s <= max(np.linalg.norm(error[:, free]), _ROUNDING * s.max(initial=0.0))
+    unseen = s <= np.maximum(np.linalg.norm(error[:, free] @ np.abs(Vt).T, axis=0), _ROUNDING * s.max(initial=0.0))
     half = quantile * math.sqrt(widening) / np.where(unseen, np.nan, s)
     covariance = np.zeros((len(free), len(free)))
     inner = (Vt[~unseen].T / s[~unseen] ** 2) @ Vt[~unseen] * widening
@@ -204,7 +205,7 @@ def profile(found: Estimate, known: Information, k: int) -> Profile:
         known: its information.
         k: number of the coordinate.
     """
-    found.problem.runs.doing = f"profile of {found.problem.quantities[k].name}"
+    found.problem.runs.place.doing = f"profile of {found.problem.quantities[k].name}"
     points = {float(found.z[k]): 0.0}
     ends = [_end(found, known, k, side, points) for side in (-1.0, 1.0)]
     order = np.array(sorted(points))
@@ -253,3 +254,28 @@ def _constrained(found: Estimate, known: Information, z: Floats, k: int, x: floa
         max_nfev=_SEARCHED,
     )  # fmt: skip
     return at(best.x), 2.0 * float(best.cost)
+
+
+def bootstrap(found: Estimate, request: Calibrate, draws: int) -> Floats:
+    """Return estimates from records of the estimated model with noise drawn anew, shape (k, q).
+
+    The white part of the noise is drawn from that of the residuals, and coloured as these are. B. Efron, R. Tibshirani,
+    An Introduction to the Bootstrap (1993), section 9.4.
+
+    Args:
+        found: the estimate.
+        request: with the largest number of runs.
+        draws: how many; fewer come back where a search fails.
+    """
+    problem, rng = found.problem, np.random.default_rng(1)
+    y = [one for one in problem.runs.outputs([found.z])[0] if one is not None]
+    e = problem.residuals(found.z)
+    white, result = (e - e.mean()) / e.std(), []
+    for number in range(1, draws + 1):
+        problem.runs.place.doing = f"draw {number} of {draws}"
+        noise = problem.noise.drawn(white, problem.segments, y, rng)
+        data = tuple(replace(one, y=a + v) for one, a, v in zip(problem.data, y, noise, strict=True))
+        ended = descent(replace(problem, data=data), found.z, request, slopes=(found.z, found.gradient))
+        if ended is not None:
+            result.append(ended.z)
+    return np.array(result)

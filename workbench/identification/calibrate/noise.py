@@ -19,6 +19,7 @@ __all__ = ["LOSSES", "ColouredNoise", "Loss", "Segments", "estimated"]
 
 _MOST_ORDER = 10  # of the colour
 _PER_ORDER = 20  # samples that each coefficient of the colour needs
+_SETTLING = 100  # samples of drawn noise that are left out, and as many again as are wanted
 _MAD = 1.482602218505602  # σ of normal noise over its median absolute value: 1/Φ⁻¹(3/4)
 
 
@@ -151,6 +152,23 @@ class ColouredNoise:
         return np.concatenate(
             [_white(arrays[i][piece, j], self.colour[n]) / self.sigma[n] for i, j, n, piece in segments.each()]
         )
+
+    def drawn(self, e: Floats, segments: Segments, like: Sequence[Floats], rng: np.random.Generator) -> list[Floats]:
+        """Return noise as large and coloured as this, shape (n, p) of each data set; NaN where there is no sample.
+
+        Args:
+            e: what its white part is drawn from, of variance 1.
+            segments: where there are samples.
+            like: arrays of those shapes.
+            rng: draws.
+        """
+        result = [np.full_like(one, np.nan) for one in like]
+        for i, j, n, piece in segments.each():
+            count = piece.stop - piece.start
+            white = rng.choice(e, 2 * count + _SETTLING)
+            coloured = lfilter([1.0], np.concatenate([[1.0], -self.colour[n]]), white)
+            result[i][piece, j] = self.sigma[n] * coloured[-count:]
+        return result
 
 
 def _white(x: Floats, a: Floats) -> Floats:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
+from workbench.errors import SimulationError
 from workbench.identification.calibrate.noise import ColouredNoise, Loss, Segments
 from workbench.identification.calibrate.quantities import FreeValues
 from workbench.identification.calibrate.runs import ModelRuns
@@ -17,11 +18,13 @@ from workbench.identification.calibrate.runs import ModelRuns
 __all__ = ["CalibrationProblem", "Flags", "Gradient"]
 
 Flags = NDArray[np.bool_]
+_Run = Callable[[Sequence[Floats]], list[list[Floats | None]] | None]  # points → outputs, [point][data]
 
 _UNSURE = 0.1  # error of a derivative, relative: from here on other steps are tried
 _OTHER = 10.0  # times the step, and one over it
 _ROOM = 0.1  # of a step, between a coordinate and its limit
 _GROWN = 1e100  # standard deviations
+_ROUNDING = 1e-14  # relative error of differences of runs that share their steps
 _LEAST = 1e-10  # relative error of a run that is assumed at least
 _STEPPED = 1e-6  # likewise of a co-simulation, whose integration is its own
 
@@ -74,11 +77,8 @@ class CalibrationProblem:
 
     def difference(self, z: Floats) -> list[Floats] | None:
         """Return measured less computed, shape (n, p) of each data set; None: a run failed."""
-        found = self.runs.outputs([z])[0]
-        known = [y for y in found if y is not None]
-        if len(known) < len(found) or not all(np.all(np.isfinite(y)) for y in known):
-            return None
-        return [one.y - y for one, y in zip(self.data, known, strict=True)]
+        known = _whole(self.runs.outputs([z])[0])
+        return None if known is None else [one.y - y for one, y in zip(self.data, known, strict=True)]
 
     def residuals(self, z: Floats) -> Floats:
         """Return the whitened residuals, shape (N,); infinite where a run failed, or grew beyond all bounds."""
@@ -93,75 +93,77 @@ class CalibrationProblem:
     def gradient(self, z: Floats, *, central: bool) -> Gradient:
         """Return the derivatives by differences of runs.
 
-        The step follows from the error ε of a run: √ε to one side, ∛ε to both (Press et al., Numerical Recipes,
-        section 5.7), in coordinates in which a step of 1 is large. Where the second difference says that a derivative
-        is poor, steps ten times larger and smaller are tried, and the best is taken.
+        The step follows from the error ε of a difference: √ε to one side, ∛ε to both (Press et al., Numerical Recipes,
+        section 5.7), in coordinates in which a step of 1 is large. Runs that share their steps differ by rounding
+        alone; where there are none, ε is the tolerance of a run. Where the second difference says that a derivative
+        which counts is poor, steps ten times larger and smaller are tried, and the best is taken.
 
         Args:
             z: coordinates.
             central: to both sides, which gives errors as well.
+
+        Raises:
+            SimulationError: the model cannot be run there.
         """
-        noise = max(self.rtol or _STEPPED, _LEAST)
-        steps = np.full(len(z), noise ** (1.0 / 3.0) if central else np.sqrt(noise))
-        found = self._differences(z, steps, central=central)
-        if not central:
-            return found
-        unsure = _relative(found) > _UNSURE
-        for factor in (_OTHER, 1.0 / _OTHER) if unsure.any() else ():
-            other = self._differences(z, steps * factor, central=True, only=unsure)
-            better = unsure & (_relative(other) < _relative(found))
-            found = replace(found, y=_taken(found.y, other.y, better), error=_taken(found.error, other.error, better))
+        power = 1.0 / 3.0 if central else 0.5
+        found = self._differences(z, _ROUNDING**power, self.runs.together, central=central)
+        step = max(self.rtol or _STEPPED, _LEAST) ** power
+        for factor in (1.0, _OTHER, 1.0 / _OTHER):
+            unsure = np.ones(len(z), dtype=np.bool_) if found is None else self._unsure(found)
+            if not unsure.any():
+                break
+            other = self._differences(z, step * factor, self.runs.outputs, central=central, only=unsure)
+            found = found or other
+            if other is not None and found is not None:
+                better = unsure & (_relative(other) < _relative(found))
+                y, error = (_taken(*parts, better) for parts in ((found.y, other.y), (found.error, other.error)))
+                found = replace(found, y=y, error=error)
+        if found is None:
+            raise SimulationError("the model cannot be run here")
         return found
 
-    def _differences(self, z: Floats, steps: Floats, *, central: bool, only: Flags | None = None) -> Gradient:
-        """Return differences; at a limit, or beside a run that failed, to the other side alone."""
+    def _unsure(self, found: Gradient) -> Flags:
+        """Return which derivatives are poor, and are of a parameter that the data may tell."""
+        counts = np.linalg.norm(self.noise.whitened(found.error, self.segments), axis=0) > _UNSURE
+        return np.asarray(counts & (_relative(found) > _UNSURE), dtype=np.bool_)
+
+    def _differences(
+        self, z: Floats, step: float, run: _Run, *, central: bool, only: Flags | None = None
+    ) -> Gradient | None:
+        """Return differences, to the other side alone at a limit or beside a run that failed; None: no run there."""
         low, high = self.quantities.limits
-        numbers = [k for k in range(len(z)) if only is None or only[k]]
-        points = [z]
-        sides = [(k, x) for k in numbers for x in _sides(z[k], steps[k], low[k], high[k], central=central)]
-        points += [_moved(z, k, x) for k, x in sides]
-        base, *found = self.runs.outputs(points)
-        shapes = [(*one.y.shape, len(z)) for one in self.data]
-        y, error = [np.zeros(s) for s in shapes], [np.zeros(s) for s in shapes]
-        failed = []
-        for k in numbers:
-            ran = [(x, o) for (n, x), o in zip(sides, found, strict=True) if n == k and _whole(o) is not None]
-            if not ran:
-                failed.append(k)
-                continue
-            for i in range(len(self.data)):
-                at = [(x, o[i]) for x, o in ran]
-                y[i][..., k], error[i][..., k] = _derivative(z[k], base[i], at)
-        return Gradient(tuple(y), tuple(error), tuple(failed))
+        chosen = np.arange(len(z)) if only is None else np.flatnonzero(only)
+        sides = []
+        for sign in (1.0, -1.0)[: 1 + central]:
+            there = np.clip(z + sign * step, low, high)
+            there = np.where(np.abs(there - z) > _ROOM * step, there, np.clip(z - sign * step, low, high))
+            found = run([z, *(np.where(np.arange(len(z)) == k, there, z) for k in chosen)])
+            base = None if found is None else _whole(found[0])
+            if found is None or base is None:
+                return None
+            sides.append([_slopes(y, [f[i] for f in found[1:]], chosen, there - z) for i, y in enumerate(base)])
+        both = list(zip(sides[0], sides[-1], strict=True))
+        y = [np.where(np.isnan(a), b, np.where(np.isnan(b), a, 0.5 * (a + b))) for a, b in both]
+        error = tuple(np.nan_to_num(0.5 * np.abs(a - b)) for a, b in both)
+        failed = tuple(int(k) for k in chosen if any(np.isnan(one[..., k]).any() for one in y))
+        return Gradient(tuple(np.nan_to_num(one) for one in y), error, failed)
 
     def whitened(self, gradient: Gradient) -> tuple[Floats, Floats]:
         """Return J = −∂e/∂z, shape (N, q), and its error."""
         return self.noise.whitened(gradient.y, self.segments), self.noise.whitened(gradient.error, self.segments)
 
 
-def _whole(found: Sequence[Floats | None]) -> Sequence[Floats] | None:
+def _whole(found: Sequence[Floats | None]) -> list[Floats] | None:
     known = [y for y in found if y is not None and np.all(np.isfinite(y))]
     return known if len(known) == len(found) else None
 
 
-def _sides(at: float, step: float, low: float, high: float, *, central: bool) -> list[float]:
-    """Return where else the model is run; of the sides those on which there is room, the wider one first."""
-    ends = sorted((min(at + step, high), max(at - step, low)), key=lambda x: -abs(x - at))
-    return [x for x in ends[: 1 + central] if abs(x - at) > _ROOM * step]
-
-
-def _moved(z: Floats, k: int, x: float) -> Floats:
-    result = z.copy()
-    result[k] = x
+def _slopes(base: Floats, moved: Sequence[Floats | None], chosen: NDArray[np.intp], steps: Floats) -> Floats:
+    """Return differences over steps, shape (n, p, q); zero where none was chosen, NaN where a run failed."""
+    result = np.zeros((*base.shape, len(steps)))
+    for k, y in zip(chosen, moved, strict=True):
+        result[..., k] = np.nan if y is None or not np.all(np.isfinite(y)) else (y - base) / steps[k]
     return result
-
-
-def _derivative(at: float, base: Floats | None, sides: Sequence[tuple[float, Floats | None]]) -> tuple[Floats, Floats]:
-    """Return a derivative and its error; of both sides where there are both."""
-    slopes = [(y - base) / (x - at) for x, y in sides if y is not None and base is not None]
-    if len(slopes) == 1:
-        return slopes[0], np.zeros_like(slopes[0])
-    return 0.5 * (slopes[0] + slopes[1]), 0.5 * np.abs(slopes[0] - slopes[1])
 
 
 def _relative(gradient: Gradient) -> Floats:

@@ -106,8 +106,8 @@ class Calibrate(AtPoint, InWorkers, ModelRequest["CalibrateResult"]):
     The model is run with the measured inputs; its parameters θ are those with the least Σ ρ(e²), where e is the
     difference of measured and computed output over the standard deviation σ of the noise, freed of its colour: an
     autoregressive model of the noise is estimated from the residuals (output error with a noise model). Search: a
-    trust region within the limits, with gradients by differences of runs; each run has a session of its own, with the
-    parameters set before it is initialised. A positive parameter with limits over a decade is searched for by its
+    trust region within the limits, with gradients by differences of runs that share the solver's steps; parameters are
+    set before a run is initialised. A positive parameter with limits over a decade is searched for by its
     logarithm. A run that fails counts as infinitely bad.
 
     With the whitened sensitivities J the covariance of the parameters is (JᵀJ)⁻¹. What JᵀJ does not see is named: a
@@ -229,6 +229,15 @@ class Calibrate(AtPoint, InWorkers, ModelRequest["CalibrateResult"]):
         "Number of further searches, from a Sobol' sequence within the limits.", metavar="N", least=0, default=0
     )
     profile: bool = option("Follow the likelihood to the ends of each parameter's region.", default=False)
+    bootstrap: int = option(
+        "Take the regions from so many records of the estimated model with noise drawn anew; 200 or more.",
+        metavar="N",
+        least=0,
+        default=0,
+    )
+    store: File | None = option(
+        "Folder in which runs are kept; the same command continues from there.", metavar="DIR", default=None
+    )
     next_inputs: Values | None = option(
         "Input of a further experiment, with its amplitude: the signal is found that narrows the regions most.",
         flag="--next",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import cast
@@ -10,11 +11,22 @@ from typing import cast
 import numpy as np
 from scipy.special import chdtrc
 
+from workbench.core.machine.files import file_to_write
 from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
+from workbench.errors import InputError
 from workbench.identification.calibrate.calibrated import write_calibrated
-from workbench.identification.calibrate.data import measured, played
-from workbench.identification.calibrate.information import Information, Profile, bent, information, profile
+from workbench.identification.calibrate.copies import copies
+from workbench.identification.calibrate.data import check_named, measured, played
+from workbench.identification.calibrate.information import (
+    LIKELY,
+    Information,
+    Profile,
+    bent,
+    bootstrap,
+    information,
+    profile,
+)
 from workbench.identification.calibrate.next_experiment import next_experiment
 from workbench.identification.calibrate.noise import LOSSES, ColouredNoise, Segments
 from workbench.identification.calibrate.problem import CalibrationProblem, Flags
@@ -29,19 +41,22 @@ from workbench.identification.calibrate.result import (
     OutputNoise,
     ParameterProfile,
 )
-from workbench.identification.calibrate.runs import ModelRuns, sampled
+from workbench.identification.calibrate.runs import ModelRuns, RunPlace, sampled
 from workbench.identification.calibrate.search import Estimate, search
 from workbench.identification.validate.residuals import autocorrelation, cross_correlation, fit_of
 from workbench.jobs.job import Job
-from workbench.jobs.runner import Runner
 from workbench.jobs.runner_choice import at_work
+from workbench.jobs.store import Store
+from workbench.jobs.version import stamp
 from workbench.model import Model
 from workbench.model.operating_point import start_at
 
-__all__ = ["run"]
+__all__ = ["CalibrationWork", "place_of", "run"]
 
 _Given = Sequence[Experiment | str | Path]
 
+_ALGORITHM = 1  # to be raised when what a run gives changes: stored runs of both are not mixed
+_MOST_STATES = 200  # of all copies together: a dense Newton matrix of more is slower than each by itself
 _LAGS = 25  # of the tests [samples]
 _PER_LAG = 5  # samples that each lag needs
 _HUGE = 700.0  # logarithm of the largest number
@@ -53,33 +68,65 @@ def run(model: Model, request: Calibrate, job: Job) -> CalibrateResult:
     data = measured(model, cast("_Given", request.data), request)
     others = measured(model, cast("_Given", request.validation or ()), request)
     quantities = quantities_of(model, data, request)
+    check_named(data, request)
+    if request.out is not None:
+        file_to_write(request.out, option="out")
     notes = [*remarks, *(note for one in (*data, *others) for note in one.notes), *_doubts(data)]
-    with at_work(model, request.place, job) as runner:
-        work = _CalibrationWork(model, request, runner, job)
+    with ExitStack() as stack:
+        place = place_of(model, request, job, len(quantities), stack)
+        work = CalibrationWork(model, request, place)
         problem, found_out = work.problem(data, quantities, _guessed(data, request))
-        found = search(problem, request)
+        notes += found_out
+
+        def reached(found: Estimate) -> None:
+            outputs = problem.runs.outputs([quantities.start, found.z])
+            job.partial = lambda: _record(model, found, information(found), outputs, [*notes, *found.notes])
+
+        found = search(problem, request, reached)
         known = information(found)
-        result = _record(model, found, known, [*notes, *found_out, *found.notes])
+        result = _record(model, found, known, problem.runs.outputs([quantities.start, found.z]), [*notes, *found.notes])
         job.partial = lambda: result
         result = _looked_at(result, found, known, work)
         result = replace(result, notes=(*result.notes, *_between_samples(found, known, work)))
         if request.next_inputs:
             result = replace(result, next_experiment=next_experiment(found, known, request, work.posed(found)))
         compared = work.compared(others, found) if others else ()
-        runs = problem.runs
     if request.out is not None:
         write_calibrated(model, result.values, Path(request.out))
-    return replace(result, validation=compared, runs=runs.count, failed_runs=runs.failed.total())
+    return replace(result, validation=compared, runs=place.count, failed_runs=place.failed.total())
+
+
+def place_of(model: Model, request: Calibrate, job: Job, count: int, stack: ExitStack) -> RunPlace:
+    """Return what runs the model, and copies of it: one for each of so many coordinates, and one more."""
+    runner = stack.enter_context(at_work(model, request.place, job))
+    small = (count + 1) * len(model.states) <= _MOST_STATES
+    together = copies(model, count + 1) if small and request.initial != "rest" else None
+    joint = None
+    if together is not None:
+        joint = stack.enter_context(at_work(stack.enter_context(together), request.place, job))
+    store = None if request.store is None else stack.enter_context(_store(model, request, request.store))
+    return RunPlace(
+        model=model, runner=runner, joint=joint, copies=count + 1, job=job, rest=request.initial == "rest", store=store
+    )
+
+
+def _store(model: Model, request: Calibrate, folder: str | Path) -> Store:
+    if model.recipe is None:
+        raise InputError(f"store: {model.name} is not a file; its results cannot be distinguished from another model's")
+    subject = {
+        "analysis": "calibrate", "algorithm": _ALGORITHM, **stamp().in_store, "model": model.recipe.identity(),
+        "interface": model.interface, "initial": request.initial,
+    }  # fmt: skip
+    return Store(folder, subject=subject, effort={})
 
 
 @dataclass(frozen=True, eq=False)
-class _CalibrationWork:
+class CalibrationWork:
     """What runs what."""
 
     model: Model
     request: Calibrate
-    runner: Runner
-    job: Job
+    place: RunPlace
 
     def problem(
         self, data: Sequence[Experiment], quantities: FreeValues, noise: ColouredNoise
@@ -87,13 +134,12 @@ class _CalibrationWork:
         """Return the problem, and notes on how the model samples."""
         request, model = self.request, self.model
         records = [one for one in data if not isinstance(one, ResponseData)]
-        grids = sampled(self.runner, [one.dt for one in records])
+        grids = sampled(self.place.runner, [one.dt for one in records])
         laid = iter([played(model, one, grid, request, step) for one, (grid, step) in zip(records, grids, strict=True)])
         play = [one.played if isinstance(one, ResponseData) else next(laid) for one in data]
-        runs = ModelRuns(self.runner, self.job, play, quantities, rest=request.initial == "rest")
         made = CalibrationProblem(
-            data=tuple(data), segments=Segments(data), quantities=quantities, runs=runs, noise=noise, rtol=model.rtol,
-            loss=LOSSES[request.loss],
+            data=tuple(data), segments=Segments(data), quantities=quantities, noise=noise, rtol=model.rtol,
+            runs=ModelRuns(self.place, play, quantities), loss=LOSSES[request.loss],
         )  # fmt: skip
         return made, [note for grid, _ in grids for note in grid.notes]
 
@@ -111,7 +157,7 @@ class _CalibrationWork:
 
 
 def _doubts(data: Sequence[Experiment]) -> Iterator[str]:
-    """Yield notes on inputs that do not move, in any of the data."""
+    """Yield notes on inputs and outputs that do not move, in any of the data."""
     names = dict.fromkeys(n for one in data for n in one.input_names)
     for name in names:
         columns = [one.u[:, one.input_names.index(name)] for one in data if name in one.input_names]
@@ -119,9 +165,13 @@ def _doubts(data: Sequence[Experiment]) -> Iterator[str]:
             yield f"input '{name}' does not move in the data: what acts by its changes alone cannot be seen"
     if not names and not any(isinstance(one, ResponseData) for one in data):
         yield "no input was measured: all stay at their start values"
+    for name in dict.fromkeys(n for one in data for n in one.output_names):
+        columns = [one.y[:, one.output_names.index(name)] for one in data if name in one.output_names]
+        if not any(np.ptp(column[np.isfinite(column)]) > 0.0 for column in columns):
+            yield f"output '{name}' does not move in the data: it tells little"
 
 
-def _between_samples(found: Estimate, known: Information, work: _CalibrationWork) -> Iterator[str]:
+def _between_samples(found: Estimate, known: Information, work: CalibrationWork) -> Iterator[str]:
     """Yield a note where another motion of the inputs between samples gives other values, and explains the data, too.
 
     Those values follow from one Gauss-Newton step.
@@ -159,12 +209,13 @@ def _guessed(data: Sequence[Experiment], request: Calibrate) -> ColouredNoise:
     return ColouredNoise({**sigma, **(request.weights or {})}, {name: np.zeros(0) for name in names})
 
 
-def _record(model: Model, found: Estimate, known: Information, notes: Sequence[str]) -> CalibrateResult:
-    """Return the record of an estimate."""
-    problem = found.problem
-    before, after = (problem.runs.outputs([z])[0] for z in (problem.quantities.start, found.z))
-    failed = problem.runs.failed
-    words = [f"{failed.total()} of {problem.runs.count} runs failed; the most frequent reason: {reason}"
+def _record(
+    model: Model, found: Estimate, known: Information, outputs: Sequence[Sequence[Floats | None]], notes: Sequence[str]
+) -> CalibrateResult:
+    """Return the record of an estimate, with the outputs at the start values and there."""
+    problem, (before, after) = found.problem, outputs
+    place, failed = problem.runs.place, problem.runs.place.failed
+    words = [f"{failed.total()} of {place.count} runs failed; the most frequent reason: {reason}"
              for reason, _ in failed.most_common(1)]  # fmt: skip
     if any(q.data is not None for q in problem.quantities):
         words.append("initial values were estimated for the data; other data (`validation`) start as the model does")
@@ -183,9 +234,9 @@ def _record(model: Model, found: Estimate, known: Information, notes: Sequence[s
             OutputNoise(output=n, sigma=s, colour=tuple(problem.noise.colour[n].tolist()), given=problem.noise.given)
             for n, s in problem.noise.sigma.items()
         ),
-        chi_squared=_chi_squared(found, known), loss=problem.loss.name, runs=problem.runs.count,
+        chi_squared=_chi_squared(found, known), loss=problem.loss.name, runs=place.count,
         failed_runs=failed.total(), reason=found.reason, converged=found.converged,
-        notes=tuple(dict.fromkeys([*notes, *words, *held])), operating_point=problem.runs.start,
+        notes=tuple(dict.fromkeys([*notes, *words, *held])), operating_point=place.start,
     )  # fmt: skip
 
 
@@ -264,7 +315,7 @@ def _tested(made: DataFit, problem: CalibrationProblem, i: int) -> DataFit:
     return replace(made, autocorrelation=autocorrelation(e, lags), cross=cross)
 
 
-def _looked_at(result: CalibrateResult, found: Estimate, known: Information, work: _CalibrationWork) -> CalibrateResult:
+def _looked_at(result: CalibrateResult, found: Estimate, known: Information, work: CalibrationWork) -> CalibrateResult:
     """Return the record with what runs at the ends of the regions show, and with profiles where they are asked for."""
     off = bent(found, known)
     parameters, notes = list(result.parameters), list(result.notes)
@@ -273,12 +324,22 @@ def _looked_at(result: CalibrateResult, found: Estimate, known: Information, wor
             parameters[k] = replace(p, curved=k in off)
         if work.request.profile and known.free[k]:
             parameters[k] = _profiled(parameters[k], found, profile(found, known, k), k)
+    if work.request.bootstrap:
+        z = bootstrap(found, work.request, work.request.bootstrap)
+        parameters = [_drawn(p, found, k, z[:, k]) if known.free[k] else p for k, p in enumerate(parameters)]
+        notes.append(f"regions and standard errors are those of {len(z)} records drawn anew")
     bent_ones = [p.name for p in parameters if p.curved and p.profile is None]
     if bent_ones:
         notes.append(
             f"{', '.join(bent_ones)}: the region is not an ellipse, and its ends are not sure; `profile` finds them"
         )
     return replace(result, parameters=tuple(parameters), notes=tuple(notes))
+
+
+def _drawn(p: CalibratedParameter, found: Estimate, k: int, z: Floats) -> CalibratedParameter:
+    values = np.array([found.problem.quantities[k].value(x) for x in z.tolist()])
+    low, high = np.quantile(values, [0.5 - 0.5 * LIKELY, 0.5 + 0.5 * LIKELY]).tolist()
+    return replace(p, low=low, high=high, std_error=float(np.std(values, ddof=1)), curved=None)
 
 
 def _profiled(p: CalibratedParameter, found: Estimate, seen: Profile, k: int) -> CalibratedParameter:

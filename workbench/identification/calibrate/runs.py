@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections import Counter, OrderedDict, deque
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 
+from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.data.excite.recording import Sampling, sampling_of
 from workbench.errors import SimulationError
+from workbench.identification.calibrate.copies import of_copy
 from workbench.identification.calibrate.data import PlayedData
 from workbench.identification.calibrate.quantities import FreeValues
 from workbench.identification.calibrate.responses import PlayedResponse
 from workbench.jobs.job import Job
 from workbench.jobs.runner import Lost, Reply, Runner, WorkItem, perform
-from workbench.model import Model
+from workbench.jobs.store import Store
+from workbench.model import DescribedModel, Model
 from workbench.model.operating_point import standing
 from workbench.model.varied import with_parameters
 from workbench.point.lin.pulses import communication_step
@@ -25,8 +30,9 @@ from workbench.point.trim.request import trim
 from workbench.session.base import Session
 from workbench.session.start_values import NotReachedError
 
-__all__ = ["ModelRun", "ModelRuns", "RunOutputs", "SamplingRun", "sampled"]
+__all__ = ["ModelRun", "ModelRuns", "RunOutputs", "RunPlace", "SamplingRun", "sampled"]
 
+_Key = tuple[Any, ...]
 _KEPT = 4  # times the quantities: runs whose outputs are remembered, for each data set
 
 
@@ -46,7 +52,7 @@ class SamplingRun(WorkItem):
 
 
 @dataclass(frozen=True, eq=False)
-class RunOutputs:
+class RunOutputs(RecordPart):
     """What one run gave.
 
     Attributes:
@@ -55,7 +61,7 @@ class RunOutputs:
         start: where it began; None: that was not asked.
     """
 
-    y: Floats | None
+    y: Floats | None = field(metadata=entry(dims=("sample", "output")))
     reason: str = ""
     start: OperatingPoint | None = None
 
@@ -115,39 +121,50 @@ class ModelRun(WorkItem):
         return model.starting_at(found.operating_point)
 
 
-class ModelRuns:
-    """Outputs at coordinates, run where the job runs its parts, each once.
-
-    Args:
-        runner: runs them.
-        job: is told how many were made.
-        data: what is played.
-        quantities: of the coordinates.
-        rest: see `ModelRun`.
+@dataclass(eq=False, kw_only=True)
+class RunPlace:
+    """What runs the model, for all data, and what was run.
 
     Attributes:
-        count: runs that were made.
+        model: that is run.
+        runner: runs it.
+        joint: runs copies of it as one model, see `copies`; None: there are none.
+        copies: how many.
+        job: is told.
+        rest: see `ModelRun`.
+        store: where runs are kept; None: nowhere.
+        count: runs that were made; one of copies counts as many.
         doing: what they are for, in words.
         failed: reason → runs.
         start: where the first run began; None: none was made.
     """
 
-    def __init__(
-        self,
-        runner: Runner,
-        job: Job,
-        data: Sequence[PlayedData | PlayedResponse],
-        quantities: FreeValues,
-        *,
-        rest: bool,
-    ) -> None:
-        self._runner, self._job, self._data, self._quantities = runner, job, tuple(data), quantities
-        self._rest = rest
-        self._known: OrderedDict[tuple[object, ...], RunOutputs] = OrderedDict()
-        self.count = 0
-        self.doing = "first run"
-        self.failed: Counter[str] = Counter()
-        self.start: OperatingPoint | None = None
+    model: Model
+    runner: Runner
+    joint: Runner | None
+    copies: int
+    job: Job
+    rest: bool
+    store: Store | None
+    count: int = 0
+    doing: str = "first run"
+    failed: Counter[str] = field(default_factory=Counter)
+    start: OperatingPoint | None = None
+
+
+class ModelRuns:
+    """Outputs at coordinates, each run once.
+
+    Args:
+        place: where.
+        data: what is played.
+        quantities: of the coordinates.
+    """
+
+    def __init__(self, place: RunPlace, data: Sequence[PlayedData | PlayedResponse], quantities: FreeValues) -> None:
+        self.place, self._data, self._quantities = place, tuple(data), quantities
+        self._known: OrderedDict[_Key, RunOutputs] = OrderedDict()
+        self._prints = [_print_of(one) for one in self._data] if place.store is not None else []
 
     def outputs(self, points: Sequence[Floats]) -> list[list[Floats | None]]:
         """Return the outputs of the sensors, [point][data] of shape (n, p); None: the run failed.
@@ -159,40 +176,91 @@ class ModelRuns:
             KeyboardInterrupt: the job was stopped.
         """
         every = range(len(self._data))
-        wanted = {self._key(z, i): (z, i) for z in points for i in every}
-        self._make({key: place for key, place in wanted.items() if key not in self._known})
-        result = [[self._seen(self._known[self._key(z, i)].y, z, i) for i in every] for z in points]
-        while len(self._known) > max(len(wanted), _KEPT * (2 * len(self._quantities) + 1) * len(self._data)):
-            self._known.popitem(last=False)
-        return result
+        self._make([((z,), i) for z in points for i in every])
+        return [[self._seen(self._known[self._key((z,), i)].y, z, i) for i in every] for z in points]
 
-    def _key(self, z: Floats, i: int) -> tuple[object, ...]:
-        sets = (self._quantities.of(z, kind, i) for kind in ("parameter", "state"))
+    def together(self, points: Sequence[Floats]) -> list[list[Floats | None]] | None:
+        """Return the outputs as `outputs` does, of runs that share their steps; None: they cannot be had.
+
+        Args:
+            points: coordinates.
+        """
+        place, every = self.place, range(len(self._data))
+        if place.joint is None or len(points) > place.copies or any(isinstance(x, PlayedResponse) for x in self._data):
+            return None
+        filled = (*points, *[points[0]] * (place.copies - len(points)))
+        self._make([(filled, i) for i in every])
+        parts = []
+        for i in every:
+            y = self._known[self._key(filled, i)].y
+            if y is None:
+                place.joint = None  # for good: what one of them cannot do each may do alone
+                return None
+            parts.append(np.split(y, place.copies, axis=1))
+        return [[self._seen(parts[i][k], z, i) for i in every] for k, z in enumerate(points)]
+
+    def _key(self, points: Sequence[Floats], i: int) -> _Key:
+        sets = (self._quantities.of(z, kind, i) for z in points for kind in ("parameter", "state"))
         return (i, *(tuple(values.items()) for values in sets))
 
-    def _make(self, missing: Mapping[tuple[object, ...], tuple[Floats, int]]) -> None:
-        items: dict[int, tuple[object, ...]] = {}
-        todo: deque[ModelRun] = deque()
-        for key, (z, i) in missing.items():
-            parameters, states = (self._quantities.of(z, kind, i) for kind in ("parameter", "state"))
-            where = self.start is None and not todo
-            todo.append(ModelRun(self._data[i], parameters, states, self._rest, where=where))
-            items[id(todo[-1])] = key
-        held = tuple(todo)  # so that no other object has the id of one that is done
-        for event in self._runner.run(perform, todo):
-            answer = RunOutputs(None, event.reason) if isinstance(event, Lost) else event.value
-            self._take(items[id(event.job)], answer)
-        if held and not all(key in self._known for key in missing):
-            raise SimulationError("a run of the model gave no answer")
+    def _run(self, points: Sequence[Floats], i: int) -> ModelRun:
+        sets = [(self._quantities.of(z, "parameter", i), self._quantities.of(z, "state", i)) for z in points]
+        model, data = self.place.model, self._data[i]
+        if len(points) == 1 or not isinstance(data, PlayedData) or not isinstance(model, DescribedModel):
+            return ModelRun(data, *sets[0], self.place.rest, where=self.place.start is None)
+        at = {} if model.at is None else model.at.values
+        count = len(points)
+        played = replace(
+            data, rows=np.tile(data.rows, (1, count)),
+            outputs=tuple(of_copy(model, k, name) for k in range(count) for name in data.outputs),
+        )  # fmt: skip
+        named = [
+            {of_copy(model, k, name): value for k in range(count) for name, value in values[k].items()}
+            for values in ([s[0] for s in sets], [{**at, **s[1]} for s in sets])
+        ]
+        return ModelRun(played, named[0], named[1], rest=False)
 
-    def _take(self, key: tuple[object, ...], found: RunOutputs) -> None:
-        self._known[key] = found
-        self.count += 1
+    def _make(self, wanted: Sequence[tuple[Sequence[Floats], int]]) -> None:
+        """Run what is not known yet."""
+        missing = {key: one for one in wanted if (key := self._key(*one)) not in self._known and not self._stored(key)}
+        for runner, alone in ((self.place.runner, True), (self.place.joint, False)):
+            some = {key: one for key, one in missing.items() if (len(one[0]) == 1) is alone}
+            if runner is None or not some:
+                continue
+            runs = {key: self._run(*one) for key, one in some.items()}
+            keys = {id(run): key for key, run in runs.items()}
+            for event in runner.run(perform, deque(runs.values())):
+                answer = RunOutputs(None, event.reason) if isinstance(event, Lost) else event.value
+                self._take(keys[id(event.job)], answer, len(some[keys[id(event.job)]][0]))
+        for key in dict.fromkeys(self._key(*one) for one in wanted):
+            if key not in self._known:
+                raise SimulationError("a run of the model gave no answer")
+            self._known.move_to_end(key)
+        while len(self._known) > max(len(wanted), _KEPT * (2 * len(self._quantities) + 1) * len(self._data)):
+            self._known.popitem(last=False)
+
+    def _take(self, key: _Key, found: RunOutputs, count: int) -> None:
+        self._known[key], place = found, self.place
+        place.count += count
         if found.y is None:
-            self.failed[found.reason] += 1
-        self.start = self.start or found.start
-        made = self._job.reached[0] + 1  # of all problems
-        self._job.done(f"{self.doing}: run {made}", made, made + 1)
+            place.failed[found.reason] += count
+        place.start = place.start or found.start
+        if place.store is not None:
+            place.store.save(self._name(key), found.to_dict())
+        place.job.done(f"{place.doing}: run {place.count}", place.count, place.count + 1)
+
+    def _name(self, key: _Key) -> str:
+        return repr((self._prints[key[0]], *key[1:]))
+
+    def _stored(self, key: _Key) -> bool:
+        """Take a run from the store; False: it is not there."""
+        store = self.place.store
+        if store is None or (kept := store.get(self._name(key))) is None:
+            return False
+        with store.taken_apart():
+            self._known[key] = RunOutputs.from_dict(kept)
+        self.place.start = self.place.start or self._known[key].start
+        return True
 
     def _seen(self, y: Floats | None, z: Floats, i: int) -> Floats | None:
         """Return what sensors show of outputs."""
@@ -201,6 +269,13 @@ class ModelRuns:
             return y
         names = self._data[i].outputs
         return np.asarray(y * [scales.get(n, 1.0) for n in names] + [biases.get(n, 0.0) for n in names])
+
+
+def _print_of(played: PlayedData | PlayedResponse) -> str:
+    """Return what tells data that are played from others."""
+    values = [getattr(played, f.name) for f in fields(played)]
+    parts = [x.tobytes() if isinstance(x, np.ndarray) else repr(x).encode() for x in values]
+    return hashlib.sha256(b"\0".join(parts)).hexdigest()
 
 
 def sampled(runner: Runner, dts: Sequence[float]) -> list[tuple[Sampling, float | None]]:

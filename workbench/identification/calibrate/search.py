@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,10 +14,11 @@ from workbench.identification.calibrate.noise import ColouredNoise, estimated
 from workbench.identification.calibrate.problem import CalibrationProblem, Gradient
 from workbench.identification.calibrate.request import Calibrate
 
-__all__ = ["Estimate", "search"]
+__all__ = ["DescentEnd", "Estimate", "descent", "search"]
 
 _STILL = 0.01  # standard errors: what moves less has been found
-_FIRST = 1e-3  # relative fall of the cost that ends the first search, with one-sided differences
+_HELD = 0.3  # standard errors: so far a gradient is that of where it was taken
+_FIRST = 1e-3  # relative fall of the cost that ends the first search
 _EXACT = 1e-9  # relative step that ends a search without noise to be below
 _ROUNDS = 8  # noise and parameters in turn
 _POOR = 0.5  # part of the outputs' movement: a fit that leaves more is searched for from other starts as well
@@ -52,26 +54,42 @@ class Estimate:
     notes: tuple[str, ...] = ()
 
 
+_Slopes = tuple[Floats, Gradient]  # coordinates, and the gradient there
+
+
 @dataclass(frozen=True, eq=False)
-class _DescentEnd:
+class DescentEnd:
+    """Where a trust region ended.
+
+    Attributes:
+        z: coordinates, shape (q,).
+        J: derivatives of the whitened residuals, shape (N, q).
+        cost: half of it.
+        status: see `scipy.optimize.least_squares`.
+        slopes: the last gradient.
+    """
+
     z: Floats
+    J: Floats
     cost: float
     status: int
+    slopes: _Slopes
 
 
-def search(problem: CalibrationProblem, request: Calibrate) -> Estimate:
+def search(problem: CalibrationProblem, request: Calibrate, reached: Callable[[Estimate], None]) -> Estimate:
     """Return the coordinates with the least cost.
 
     Args:
         problem: with a first guess of the noise.
         request: starts, loss, colour.
+        reached: is told where the search stands.
 
     Raises:
         SimulationError: the model cannot be run at any start.
     """
-    problem.runs.doing = "search from the start values"
-    z0 = problem.quantities.start
-    first = _descent(problem, z0, request, central=False)
+    place = problem.runs.place
+    place.doing = "search from the start values"
+    first = descent(problem, problem.quantities.start, request, _FIRST, reached=reached)
     notes: list[str] = []
     count = request.starts
     if not count and not _explains(problem, first):
@@ -79,18 +97,20 @@ def search(problem: CalibrationProblem, request: Calibrate) -> Estimate:
         why = "the model cannot be run at the start values" if first is None else "the first search fits poorly"
         notes.append(f"{why}: {count} further starts were tried")
     for number, z in enumerate(problem.quantities.further(count), 1):
-        problem.runs.doing = f"search from start {number} of {count}"
-        other = _descent(problem, z, request, central=False)
+        if place.count >= request.max_runs:
+            break
+        place.doing = f"search from start {number} of {count}"
+        other = descent(problem, z, request, _FIRST)
         if other is not None and (first is None or other.cost < first.cost):
             first = other
             notes.append(f"start {number} of {count} led to a better fit than those before it")
     if first is None:
-        reason = problem.runs.failed.most_common(1)[0][0]
+        reason = place.failed.most_common(1)[0][0]
         raise SimulationError(f"the model cannot be run at the start values, nor at {count} others: {reason}")
-    return replace(_refined(problem, first, request), notes=tuple(notes))
+    return replace(_refined(problem, first, request, reached), notes=tuple(notes))
 
 
-def _explains(problem: CalibrationProblem, ended: _DescentEnd | None) -> bool:
+def _explains(problem: CalibrationProblem, ended: DescentEnd | None) -> bool:
     """Return whether a fit leaves less than half of what the outputs move."""
     if ended is None:
         return False
@@ -104,39 +124,59 @@ def _size(problem: CalibrationProblem, outputs: int, i: int) -> float:
     return float(np.nansum((y - np.nanmean(y, axis=0)) ** 2)) or float(outputs)
 
 
-def _descent(problem: CalibrationProblem, z0: Floats, request: Calibrate, *, central: bool) -> _DescentEnd | None:
-    """Return where a trust region ends; None: the model cannot be run at its start."""
-    e = problem.residuals(z0)
-    if not np.all(np.isfinite(e)):
+def descent(
+    problem: CalibrationProblem, z0: Floats, request: Calibrate, fall: float = 0.0, *, slopes: _Slopes | None = None,
+    reached: Callable[[Estimate], None] | None = None,
+) -> DescentEnd | None:  # fmt: skip
+    """Return where a trust region ends; None: the model cannot be run at its start.
+
+    A gradient counts up to a third of a standard error from where it was taken.
+
+    Args:
+        problem: whose cost.
+        z0: where it starts.
+        request: with the largest number of runs.
+        fall: relative fall of the cost that ends it; 0: that of a hundredth of the standard errors.
+        slopes: a gradient that is known.
+        reached: is told where it stands.
+    """
+    if not np.all(np.isfinite(problem.residuals(z0))):
         return None
-    evaluations = max(1, (request.max_runs - problem.runs.count) // ((len(z0) + 1) * len(problem.data)))
+    left = request.max_runs - problem.runs.place.count
+    known = slopes or (z0, problem.gradient(z0, central=False))
 
     def jacobian(z: Floats) -> Floats:
-        return -problem.whitened(problem.gradient(z, central=central))[0]
+        nonlocal known
+        J = problem.whitened(known[1])[0]
+        if np.linalg.norm(J @ (z - known[0])) > _HELD:
+            known = z, problem.gradient(z, central=False)
+            J = problem.whitened(known[1])[0]
+        if reached is not None:
+            reached(Estimate(problem, z, known[1], "it was stopped", converged=False))
+        return -J
 
     found = least_squares(
         problem.residuals, z0, jac=jacobian, bounds=problem.quantities.limits, method="trf", x_scale="jac",
-        loss=problem.loss.rho or "linear", ftol=_STILL**2 / problem.samples if central else _FIRST,
-        xtol=_EXACT, gtol=_EXACT, max_nfev=evaluations,
+        loss=problem.loss.rho or "linear", ftol=fall or _STILL**2 / problem.samples, xtol=_EXACT, gtol=_EXACT,
+        max_nfev=max(1, left // ((len(z0) + 1) * len(problem.data))),
     )  # fmt: skip
-    return _DescentEnd(found.x, float(found.cost), int(found.status))
+    return DescentEnd(found.x, found.jac, float(found.cost), int(found.status), known)
 
 
-def _refined(problem: CalibrationProblem, first: _DescentEnd, request: Calibrate) -> Estimate:
-    """Return the search continued with two-sided differences, noise estimated anew until nothing moves."""
-    z, ended, gradient = first.z, first, problem.gradient(first.z, central=True)
+def _refined(
+    problem: CalibrationProblem, ended: DescentEnd, request: Calibrate, reached: Callable[[Estimate], None]
+) -> Estimate:
+    """Return the search continued, the noise estimated anew until nothing moves."""
     for number in range(_ROUNDS):
-        problem.runs.doing = f"noise and parameters in turn, round {number + 1}"
-        problem = problem.with_noise(_noise(problem, z, request))
-        before = z
-        ended = _descent(problem, z, request, central=True) or ended
-        z = ended.z
-        gradient = problem.gradient(z, central=True)
-        moved = np.linalg.norm(problem.whitened(gradient)[0] @ (z - before))
-        if ended.status == 0 or (number > 0 and moved < _STILL * np.sqrt(len(z))):
+        problem.runs.place.doing = f"noise and parameters in turn, round {number + 1}"
+        problem, before = problem.with_noise(_noise(problem, ended.z, request)), ended.z
+        ended = descent(problem, before, request, slopes=ended.slopes, reached=reached) or ended
+        moved = np.linalg.norm(ended.J @ (ended.z - before))
+        if ended.status == 0 or (number > 0 and moved < _STILL * np.sqrt(len(before))):
             break
-    problem = problem.with_noise(_noise(problem, z, request))
-    return Estimate(problem, z, gradient, _REASONS[ended.status], ended.status > 0)
+    problem = problem.with_noise(_noise(problem, ended.z, request))
+    gradient = problem.gradient(ended.z, central=True)
+    return Estimate(problem, ended.z, gradient, _REASONS[ended.status], ended.status > 0)
 
 
 def _noise(problem: CalibrationProblem, z: Floats, request: Calibrate) -> ColouredNoise:
