@@ -1,5 +1,6 @@
 // Pictures of curves: drawn on a canvas, or with the same strokes into an SVG file. Curves may fold back (branches).
 
+import { placed } from "./labels.js";
 import { extent, nearest, shown, ticks } from "./numbers.js";
 import { h } from "./dom.js";
 import { CanvasPen, SvgPen } from "./pens.js";
@@ -217,25 +218,30 @@ export class Plot {
 
   /** Values that are marked: a ring, a bar to another value, and in words what it is. */
   notes(pen, scale) {
-    const taken = [];
-    const [right, top] = [this.width - RIGHT, TOP + 10];
-    for (const { x, y, to, text, colour: name } of this.extra.notes ?? []) {
-      const [px, py] = [scale.x.at(x), scale.y.at(y)];
-      if (!(px >= LEFT && px <= right) || !Number.isFinite(py)) continue;
+    const [right, bottom] = [this.width - RIGHT, this.height - this.foot];
+    const at = ({ x, y }) => ({ x: scale.x.at(x), y: scale.y.at(y) });
+    const seen = (this.extra.notes ?? []).map((n) => ({ ...n, at: at(n) })).filter((n) => n.at.x >= LEFT && n.at.x <= right && Number.isFinite(n.at.y));
+    for (const { at: p, to, colour: name } of seen) {
       const ink = this.ink(name ?? "--ink");
-      if (to !== undefined) pen.path([["M", px, py], ["L", px, scale.y.at(to)]], { stroke: ink, width: 3 });
-      pen.path([["O", px, py, 4]], { stroke: ink, width: 1.5, fill: this.ink("--ground") });
-      if (!text) continue;
-      const wide = 6.6 * text.length;
-      const left = px + 10 + wide > right;
-      let at = Math.min(Math.max(py - 12, top), this.height - this.foot - 10);
-      while (taken.some((t) => Math.abs(t.y - at) < 14 && Math.abs(t.x - px) < wide)) at += 14;
-      taken.push({ x: px, y: at });
-      pen.text(text, left ? px - 9 : px + 9, at, { colour: this.ink(), align: left ? "right" : "left", ground: this.ink("--ground") });
+      if (to !== undefined) pen.path([["M", p.x, p.y], ["L", p.x, scale.y.at(to)]], { stroke: ink, width: 3 });
+      pen.path([["O", p.x, p.y, 4]], { stroke: ink, width: 1.5, fill: this.ink("--ground") });
     }
-    for (const { x, y, text } of this.extra.texts ?? []) {
-      pen.text(text, scale.x.at(x) + 5, scale.y.at(y) - 8, { colour: this.ink("--dim"), align: "left" });
-    }
+    const worded = [...seen.filter((n) => n.text).map((n) => ({ ...n.at, text: n.text, ink: "--ink" })), ...(this.extra.texts ?? []).map((t) => ({ ...at(t), text: t.text, ink: "--dim" }))];
+    if (!worded.length) return;
+    const lines = this.curves.filter((c) => !this.hidden.has(c.label)).flatMap((c) => this.pixels(c, scale));
+    for (const n of seen) if (n.to !== undefined) lines.push([[n.at.x, n.at.y], [n.at.x, scale.y.at(n.to)]]);
+    const places = placed(worded, lines, { left: LEFT + 2, right: right - 2, top: TOP + 2, bottom: bottom - 2 });
+    worded.forEach((n, i) => {
+      const { x, y, align, leads } = places[i];
+      if (leads) pen.path([["M", n.x, n.y + 5 * Math.sign(y - n.y)], ["L", x, y - 7 * Math.sign(y - n.y)]], { stroke: this.ink("--dim"), width: 1 });
+      pen.text(n.text, x, y, { colour: this.ink(n.ink), align, ground: this.ink("--ground") });
+    });
+  }
+
+  /** A curve as lines of pixels without gaps; of marks alone each by itself. */
+  pixels({ x, y, line }, scale) {
+    const points = x.map((v, i) => [scale.x.at(v), y[i] === null ? NaN : scale.y.at(y[i])]).filter(([, b]) => Number.isFinite(b));
+    return line === false ? points.map((p) => [p, p]) : [points];
   }
 
   curve(pen, curve, scale, faint) {
