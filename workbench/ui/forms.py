@@ -92,6 +92,7 @@ def form_of(command: str) -> dict[str, Any]:
     first, *_ = inspect.cleandoc(request.__doc__ or "").split("\n\n")
     return {
         "command": command,
+        "words": [request.command, *filter(None, [request.chosen_by])],
         "question": _QUESTIONS.get(command, " ".join(first.split())),
         "theme": next((group for group, commands in GROUPS.items() if command in _named_in(commands)), "More"),
         "help": " ".join(first.split()),

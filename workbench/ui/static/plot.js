@@ -240,7 +240,7 @@ export class Plot {
 
   /** A curve as lines of pixels without gaps; of marks alone each by itself. */
   pixels({ x, y, line }, scale) {
-    const points = x.map((v, i) => [scale.x.at(v), y[i] === null ? NaN : scale.y.at(y[i])]).filter(([, b]) => Number.isFinite(b));
+    const points = x.map((v, i) => [scale.x.at(v), y[i] === null ? NaN : scale.y.at(y[i])]).filter((p) => p.every(Number.isFinite));
     return line === false ? points.map((p) => [p, p]) : [points];
   }
 
