@@ -24,7 +24,7 @@ PICTURES = os.environ.get("WORKBENCH_SCREENSHOTS")
 
 def expect(what: Any) -> Any:  # noqa: ANN401 - Playwright's
     """Return Playwright's expectation of a page or a part of it, with patience; most tests need no Playwright."""
-    from playwright.sync_api import expect as expected  # noqa: PLC0415
+    from playwright.sync_api import expect as expected
 
     expected.set_options(timeout=LONG)
     return expected(what)

@@ -5,7 +5,7 @@ import { extent, nearest, shown, ticks } from "./numbers.js";
 import { h } from "./dom.js";
 import { CanvasPen, SvgPen } from "./pens.js";
 
-const LEFT = 68, RIGHT = 14, TOP = 10, BOTTOM = 40, BARE = 22, TOUCH = 28, LOWEST = 150;
+const LEFT = 68, RIGHT = 14, TOP = 10, BOTTOM = 40, BARE = 22, TOUCH = 28, GRIP = 12, LOWEST = 150;
 
 /** Colours of curves, each legible on light and on dark ground: names of the style sheet. */
 export function colour(number) {
@@ -36,10 +36,11 @@ export class Plot {
   /**
    * `height` [pixel], or a share of the window's. `chosen`: a band that was drawn, which stays in sight; null: none.
    * `extra`: {areas, texts, notes} behind and beside the curves, see `panels_of`; a note {x, y, to?, text} marks a value.
-   * `lit`: number of the curve that stands out; null: none. `ondrag(x, y, moving)`: a handle that is dragged.
+   * `lit`: number of the curve that stands out; null: none. `handles`: [{x, y, mark, label}] that are
+   * dragged: `ondrag(handle, x, y, last)`.
    */
-  constructor({ x, y, label, height = 260, equal = false, onpick = null, onband = null, onmove = null, quiet = false }) {
-    Object.assign(this, { x, y, size: height, equal, onpick, onband, onmove, curves: [], lines: [], extra: {} });
+  constructor({ x, y, label, height = 260, equal = false, onpick = null, onband = null, onmove = null, ondrag = null, quiet = false }) {
+    Object.assign(this, { x, y, size: height, equal, onpick, onband, onmove, ondrag, curves: [], lines: [], extra: {}, handles: [] });
     this.view = null;
     this.cursor = null;
     this.banding = false;
@@ -191,6 +192,7 @@ export class Plot {
         if (!this.hidden.has(curve.label)) this.curve(pen, curve, scale, lit && curve !== lit ? FAINT : "");
       }
       this.notes(pen, scale);
+      this.grips(pen, scale);
       const band = this.band ?? this.chosen?.map(scale.x.at);
       if (live && band) {
         const [a, b] = band;
@@ -236,6 +238,23 @@ export class Plot {
       if (leads) pen.path([["M", n.x, n.y + 5 * Math.sign(y - n.y)], ["L", x, y - 7 * Math.sign(y - n.y)]], { stroke: this.ink("--dim"), width: 1 });
       pen.text(n.text, x, y, { colour: this.ink(n.ink), align, ground: this.ink("--ground") });
     });
+  }
+
+  /** What can be dragged: poles are crosses, zeros rings. */
+  grips(pen, scale) {
+    for (const { x, y, mark } of this.handles) {
+      const [px, py] = [scale.x.at(x), scale.y.at(y)];
+      const own = { stroke: this.ink("--accent"), width: 2.5 };
+      if (mark === "ring") pen.path([["O", px, py, 6]], { ...own, fill: this.ink("--ground") });
+      else if (mark === "cross") pen.path([["M", px - 5, py - 5], ["L", px + 5, py + 5], ["M", px + 5, py - 5], ["L", px - 5, py + 5]], own);
+    }
+  }
+
+  /** The handle under a place; null: none. */
+  grip(px, py) {
+    const { x, y } = this.scales();
+    const found = nearest(this.handles.map((g) => ({ x: x.at(g.x), y: y.at(g.y) })), px, py, GRIP);
+    return found === null ? null : this.handles[found];
   }
 
   /** A curve as lines of pixels without gaps; of marks alone each by itself. */
@@ -361,13 +380,19 @@ export class Plot {
     let held = null;
     canvas.addEventListener("recolour", () => this.later());
     canvas.addEventListener("pointerdown", (event) => {
-      held = { x: event.offsetX, y: event.offsetY, from: event.offsetX, moved: false };
+      held = { x: event.offsetX, y: event.offsetY, from: event.offsetX, moved: false, grip: this.ondrag && this.grip(event.offsetX, event.offsetY) };
       canvas.setPointerCapture(event.pointerId);
     });
     canvas.addEventListener("pointermove", (event) => {
       const [x, y] = [event.offsetX, event.offsetY];
       if (!held) {
         this.show(this.near(x, y, 60));
+        if (this.ondrag) canvas.style.cursor = this.grip(x, y) ? "grab" : "";
+        return;
+      }
+      if (held.grip) {
+        held.moved = true;
+        this.drag(held.grip, x, y, false);
         return;
       }
       if (Math.abs(x - held.from) + Math.abs(y - held.y) > 3) held.moved = true;
@@ -378,9 +403,10 @@ export class Plot {
     });
     canvas.addEventListener("pointerup", (event) => {
       const band = this.band;
-      const moved = held?.moved;
+      const { moved, grip } = held ?? {};
       [held, this.band] = [null, null];
-      if (band && band[1] - band[0] > 4) {
+      if (grip && moved) this.drag(grip, event.offsetX, event.offsetY, true);
+      else if (band && band[1] - band[0] > 4) {
         const { x } = this.scales();
         this.onband?.(x.of(band[0]), x.of(band[1]));
       } else if (!moved) this.pick(this.near(event.offsetX, event.offsetY, TOUCH));
@@ -410,6 +436,11 @@ export class Plot {
       else return;
       event.preventDefault();
     });
+  }
+
+  drag(grip, px, py, last) {
+    const { x, y } = this.scales();
+    this.ondrag(grip, x.of(px), y.of(py), last);
   }
 
   beside(step) {

@@ -4,6 +4,7 @@ import { beginDraft, ended, factsOf, forget, get, lookAgain, post } from "./api.
 import { DEPTH } from "./bode.js";
 import { fill, h, say, wrongs } from "./dom.js";
 import { sourcesInLoops } from "./form.js";
+import { closedHandles, handlesOf } from "./handles.js";
 import { write } from "./keep.js";
 import { head } from "./model.js";
 import { bode, locusRanges, shown, unitShown } from "./numbers.js";
@@ -47,7 +48,7 @@ class Workspace {
     this.phase = tile("Phase of the open loop", { label: "frequency [Hz]", log: true }, { label: "arg L [deg]", least: 5 }, 0.185);
     this.nyquist = tile("Nyquist picture", { label: "Re L", range: [-3, 1.5] }, { label: "Im L", range: [-2, 2] }, 0.375, { equal: true });
     this.nichols = tile("Nichols picture", { label: "arg L [deg]" }, { label: "|L| [dB]", least: 1 }, 0.375);
-    this.locus = tile("Root locus: poles of the closed loop. A click on it chooses the loop gain.", { label: "real part [1/s]" }, { label: "imaginary part [1/s]" }, 0.32, { onpick: (factor) => factor && this.chosen(factor) });
+    this.locus = tile("Root locus. Poles of the closed loop are dragged along it, poles and zeros of blocks to where they shall be; a click on it chooses the loop gain.", { label: "real part [1/s]" }, { label: "imaginary part [1/s]" }, 0.32, { onpick: (factor) => factor && this.chosen(factor), ondrag: (handle, x, y, last) => this.dragged(handle, x, y, last) });
     this.step = tile("Step response of the closed loop", { label: "time [s]" }, { label: "step of T" }, 0.32);
     for (const [one, other] of [[this.gain, this.phase], [this.phase, this.gain]]) {
       one.onview = (view) => {
@@ -133,10 +134,13 @@ class Workspace {
       slider.value = log ? Math.log10(Math.max(1e-12, value / p.value)) : value;
     };
     let moving = false; // from the first step to where it is let go
-    slider.addEventListener("change", () => { moving = false; });
+    slider.addEventListener("change", () => {
+      moving = this.moving = false;
+      this.update();
+    });
     slider.addEventListener("input", () => {
       if (!moving) this.remember();
-      moving = true;
+      moving = this.moving = true;
       number.value = shown(of(Number(slider.value)), 5);
       this.set(p.name, Number(number.value));
     });
@@ -172,6 +176,18 @@ class Workspace {
     this.set(GAIN, Number(factor.toPrecision(5)));
   }
 
+  /** A pole or a zero is dragged: its parameters follow. */
+  dragged(handle, x, y, last) {
+    if (!this.moving) this.remember();
+    this.moving = !last;
+    for (const [name, value] of Object.entries(handle.to(x, y) ?? {})) {
+      const exact = Number(value.toPrecision(5));
+      this.knobs.get(name)?.show(exact);
+      this.values[name] = exact;
+    }
+    this.update();
+  }
+
   undo() {
     if (!this.past.length) return;
     this.values = this.past.pop();
@@ -197,9 +213,12 @@ class Workspace {
     this.asking = true;
     const values = { ...this.values };
     const begun = performance.now();
+    // A locus is the same whatever the loop gain; of other parameters it comes when they rest.
+    const shape = JSON.stringify({ ...values, [GAIN]: 1 });
+    const locus = shape !== this.shape && !this.moving;
     try {
-      this.told = await post("/api/tune", { name: this.name, open: this.open, values, locus: true });
-      if (this.told.locus) this.locusOf = { ...this.told.locus, at: values[GAIN] ?? 1 };
+      this.told = await post("/api/tune", { name: this.name, open: this.open, values, locus });
+      if (locus) [this.locusOf, this.shape] = [{ ...this.told.locus, at: values[GAIN] ?? 1 }, shape];
       fill(this.wrong, "");
       this.draw();
       requestAnimationFrame(() => { this.verdict.dataset.ms = String(Math.round(performance.now() - begun)); });
@@ -342,6 +361,7 @@ class Workspace {
     const { re = [], im = [], gain = [], at = 1 } = this.locusOf ?? {};
     const others = { ...poles("at other gains", { re, im }, "--edge", "dot"), points: gain.map((g) => g * at) };
     const unstable = { areas: [{ colour: 6, fill: true, x: [0, 1e9, 1e9, 0], y: [0, 0, 1, 1], spans: "y" }] };
+    this.locus.handles = [...handlesOf(this.parameters, this.values), ...(this.locusOf ? closedHandles(found.poles, this.locusOf, GAIN) : [])];
     this.locus.set([others, poles("open loop", found.open_poles, "--dim", "cross"), ...designs.map(([d, own, label]) => poles(`closed loop, ${label}`, d.poles, own, "square"))], { lines: [{ axis: "x", value: 0 }], extra: unstable });
   }
 
