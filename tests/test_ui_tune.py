@@ -109,8 +109,9 @@ gain = 2.0
 def test_a_crash_of_an_fmu_leaves_the_server_and_is_a_message(ui: Ui) -> None:
     build_hostile(ui.folder, "segfault-at-start")
     (ui.folder / "crashes.toml").write_text(CRASHES)
-    for values in ({}, {"values": {}}):
-        answer = ui.ask("POST", "/api/tune", {"name": "crashes.toml", "open": "plant.y", **values})
+    asked = {"name": "crashes.toml", "open": "plant.y"}
+    for sent in (asked, {**asked, "values": {}}):
+        answer = ui.ask("POST", "/api/tune", sent)
         assert answer.status == 422
         assert "segmentation fault" in answer.json["message"]
     assert ui.process.poll() is None

@@ -164,12 +164,14 @@ def _blocks(record: StructureResult) -> Iterator[dict[str, Any]]:
 
 def _fit(record: FitResult) -> Iterator[dict[str, Any]]:
     for (i, j), own in record.channels.items():
-        names = {"input": record.input_names[j], "output": record.output_names[i]}
         order = np.argsort(record.frequency_hz[own], kind="stable")
-        f, y, fitted = (values[own][order] for values in (record.frequency_hz, record.measured, record.fitted))
-        channel = record.channel_name(i, j)
-        yield of_response(Response(f, y, **names), f"measured: {channel}", "measured", status=["settled"] * len(f))
-        yield of_response(Response(f, fitted, **names), f"fitted: {channel}", "linear")
+        measured = Response(
+            record.frequency_hz[own][order], record.measured[own][order], input=record.input_names[j],
+            output=record.output_names[i],
+        )  # fmt: skip
+        channel, status = record.channel_name(i, j), ["settled"] * len(order)
+        yield of_response(measured, f"measured: {channel}", "measured", status=status)
+        yield of_response(replace(measured, value=record.fitted[own][order]), f"fitted: {channel}", "linear")
 
 
 _CURVES_OF: Mapping[str, Callable[[Any], Iterator[dict[str, Any]]]] = {

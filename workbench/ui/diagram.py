@@ -213,6 +213,7 @@ def _told(data: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _add(document: _Table, block: str) -> str:
+    """Add a block, and return its name."""
     components = _section(document, "components")
     stem, _, _ = block.partition(" ")
     names = (stem if k == 1 else f"{stem}{k}" for k in range(1, len(components) + 2))
@@ -230,8 +231,8 @@ def _insert(document: _Table, block: str, destination: str) -> None:
     wires = {to: (holder, key) for to, holder, key in connections_in(document.get("connections", {}))}
     holder, key = wires[destination]
     given, name = holder[key], _add(document, block)
-    inputs, _, _ = block_ports(read_component(name, from_toml(f"block = {BLOCKS[block]}")["block"], Path()))
-    first = f"{name}.{inputs[0]}"
+    made = read_component(name, from_toml(f"block = {BLOCKS[block]}")["block"], Path())
+    first = f"{name}.{next(iter(block_ports(made)[0]))}"  # type: ignore[arg-type] - none of them is an FMU
     source = toml_value(given.unwrap() if hasattr(given, "unwrap") else given)
     holder[key] = f"{name}.y"
     _put(_section(document, "connections"), first, f"{json.dumps(first)} = {source}")
@@ -287,7 +288,7 @@ def _set(document: _Table, name: str, value: str) -> None:
         components[component][parameter] = number
 
 
-EDITS: Mapping[str, Callable[..., None]] = {
+EDITS: Mapping[str, Callable[..., object]] = {
     "add": _add, "connect": _connect, "cut": _cut, "insert": _insert, "remove": _remove, "set": _set,
 }  # fmt: skip
 

@@ -16,7 +16,7 @@ export async function buildPage([name, number = null]) {
   const known = kind === "fmu" || kind === "system" ? await factsOf(name) : null;
   const nothing = { model: name, inputs: [], outputs: [], states: [], parameters: [] };
   const usual = { out: free(name.split(":").pop().replace(/\.\w+$/, "").replace(/.*\//, "")), ...(kind === "system" ? { step: STEP } : {}), ...(kind === "modelica" || kind === "record" ? { platforms: "host" } : {}) };
-  const page = asked({ name, known: known ?? nothing, content, form, number, usual, above: h("p", { class: "help" }, form.help) });
+  const page = asked({ name, known: known ?? nothing, content, form, number, usual, verb: "Make the FMU", above: h("p", { class: "help" }, form.help) });
   return {
     title: `Make an FMU of ${name}`,
     leave: page.leave,

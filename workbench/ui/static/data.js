@@ -64,7 +64,7 @@ function record(name, told, content, number) {
   const last = server.works.get(number)?.asked;
   if (last) for (const [side, key] of [["input", "inputs"], ["output", "outputs"]]) for (const n of [last[key] ?? []].flat()) roles.set(n, side);
   const drawn = new Set([...roles.keys()].slice(0, DRAWN));
-  if (!drawn.size) for (const c of channels.slice(0, DRAWN)) drawn.add(c.name);
+  if (drawn.size < 2) for (const c of channels.slice(0, DRAWN)) drawn.add(c.name);
   const signals = new Signals(name, channels);
   const of = (role) => channels.map((c) => c.name).filter((n) => roles.get(n) === role);
   let page = null;
@@ -97,12 +97,16 @@ function record(name, told, content, number) {
   return page;
 }
 
-/** Which channels force and which follow, as far as it can be seen: of two the first; else those with few values. */
+/** Which channels force and which follow, as far as it can be seen: of two the first forces; else those with few values. */
 function guessed(channels) {
   const roles = new Map();
   const set = channels.filter((c) => c.values <= FEW && c.values > 1);
   if (channels.length === 2) roles.set(channels[0].name, "input").set(channels[1].name, "output");
-  else if (set.length && set.length < channels.length && channels.length <= DRAWN) for (const c of channels) if (c.values > 1) roles.set(c.name, set.includes(c) ? "input" : "output");
+  else if (channels.length <= DRAWN) {
+    for (const c of set) roles.set(c.name, "input");
+    const others = channels.filter((c) => c.values > FEW);
+    if (set.length && others.length === 1) roles.set(others[0].name, "output");
+  }
   return roles;
 }
 

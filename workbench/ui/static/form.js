@@ -70,7 +70,7 @@ export class Form {
     if (field.kind === "switch") {
       input = h("input", { ...own, type: "checkbox", checked: value ?? Boolean(field.default) });
     } else if (field.kind === "choice") {
-      input = h("select", own, field.choices.map((c) => h("option", { value: c, selected: c === (value ?? field.default) }, c)));
+      input = h("select", own, field.required || field.default ? null : h("option", { value: "" }, "–"), field.choices.map((c) => h("option", { value: c, selected: c === (value ?? field.default) }, c)));
     } else if (field.kind === "list") {
       input = h("textarea", { ...own, rows: 1, value: [].concat(start ?? []).join("\n"), placeholder: field.default || field.sample });
     } else {

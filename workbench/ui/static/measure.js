@@ -53,16 +53,16 @@ function filesFor(known) {
 
 /**
  * A form, and beside it what it gave last, or the run of a number. `above`: what stands over its fields, `beside` over
- * the result; `more` returns values beside those of its fields, in place of those that it is to `skip`; `usual`: values
+ * the result; `verb`: what its button says; `more` returns values beside those of its fields, in place of those that it is to `skip`; `usual`: values
  * to begin with. What it returns has `changed`, to be called when `more` has.
  */
-export function asked({ name, known, content, form, number = null, why = "", above = [], beside = null, more = () => ({}), skip = [], usual = {} }) {
+export function asked({ name, known, content, form, number = null, why = "", above = [], beside = null, verb = `Run ${form.command}`, more = () => ({}), skip = [], usual = {} }) {
   const { command } = form;
   const key = `${name} ${command}`;
   const place = h("section", { class: "result", "aria-label": "Result" });
   const last = number === null ? [...server.works.values()].filter((w) => w.command === command && w.subject[0] === name && !w.aside).pop() : server.works.get(number);
   const fields = new Form(form, known, { skip, values: { ...usual, ...((number === null ? asking.get(key) : null) ?? last?.asked ?? {}) }, files: filesFor(known) });
-  const run = h("button", { type: "submit", disabled: Boolean(why) }, `Run ${command}`);
+  const run = h("button", { type: "submit", disabled: Boolean(why) }, verb);
   const preview = h("code", { class: "preview" });
   const values = () => ({ ...fields.values(), ...more() });
   const changed = () => {
@@ -117,7 +117,7 @@ export function asked({ name, known, content, form, number = null, why = "", abo
   function nothing() {
     shownWork?.leave();
     shownWork = null;
-    fill(place, h("p", { class: "dim empty" }, form.counts === "points" ? "Points appear here while they are measured." : "The result appears here.", " Fields with * are needed."));
+    fill(place, h("p", { class: "dim empty" }, form.counts === "points" && server.forms[command] ? "Points appear here while they are measured." : "The result appears here.", " Fields with * are needed."));
   }
   const columns = h("div", { class: "columns", "data-form": folded ? "folded" : "open" });
   const fold = h("button", { type: "button", class: "quiet", "aria-expanded": String(!folded), onclick: () => {
@@ -131,7 +131,7 @@ export function asked({ name, known, content, form, number = null, why = "", abo
       h("div", { class: "go" }, run, fold),
       h("div", { class: "asked-for" },
         above, fields.element, h("p", { class: "help" }, "The same in a terminal:"), preview)),
-    h("div", {}, beside, place)));
+    h("div", { class: beside ? "looked-at" : "" }, beside, place)));
   changed();
   if (last) watch(last.number);
   else nothing();
