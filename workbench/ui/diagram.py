@@ -225,6 +225,7 @@ def _add(document: _Table, block: str) -> str:
 def _insert(document: _Table, block: str, destination: str) -> None:
     """Put a block into the wire to an input: what the wire says besides its source stays with its first part."""
     from workbench.system.blocks import block_ports  # noqa: PLC0415 - as above
+    from workbench.system.description import FmuComponent  # noqa: PLC0415
     from workbench.system.files.toml_components import read_component  # noqa: PLC0415
     from workbench.system.files.toml_file import connections_in  # noqa: PLC0415
 
@@ -232,7 +233,9 @@ def _insert(document: _Table, block: str, destination: str) -> None:
     holder, key = wires[destination]
     given, name = holder[key], _add(document, block)
     made = read_component(name, from_toml(f"block = {BLOCKS[block]}")["block"], Path())
-    first = f"{name}.{next(iter(block_ports(made)[0]))}"  # type: ignore[arg-type] - none of them is an FMU
+    if isinstance(made, FmuComponent):
+        raise InputError(f"{block} is not a block")
+    first = f"{name}.{next(iter(block_ports(made)[0]))}"
     source = toml_value(given.unwrap() if hasattr(given, "unwrap") else given)
     holder[key] = f"{name}.y"
     _put(_section(document, "connections"), first, f"{json.dumps(first)} = {source}")
