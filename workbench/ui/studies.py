@@ -78,7 +78,7 @@ def study_record_page(record: StudyRecord) -> Page:
 
 
 @dataclass(frozen=True)
-class _Judged:
+class _Answered:
     """How requirements came out after one more analysis.
 
     Attributes:
@@ -116,7 +116,7 @@ def run_study(name: str | Path, request: RunStudy, job: Job) -> StudyRecord:  # 
         new = [row for row in rows if said.get((row["name"], row["point"])) != row]
         said.update({(row["name"], row["point"]): row for row in new})
         job.partial = lambda: None if result is None else StudyRecord(result)
-        job.done(_Judged(str(label), new), done, total)
+        job.done(_Answered(str(label), new), done, total)
 
     prepared, inner = StudyRun(name, store=default_store(name)), Job(told)
     with job.ended_by(inner.stop):
