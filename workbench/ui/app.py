@@ -31,7 +31,7 @@ from workbench.ui.forms import FILED, MEASURED, FormError, form_of
 from workbench.ui.jobs import Desk
 from workbench.ui.recorded import Recordings
 from workbench.ui.root import NotHereError, has_envelope, kind_of
-from workbench.ui.studies import checked_study
+from workbench.ui.studies import checked_study, with_limit
 from workbench.ui.study import study_of
 from workbench.ui.tune import Tuning
 from workbench.ui.work import Work
@@ -206,7 +206,8 @@ class _Server:
         measured = sent.get("measure")
         if isinstance(measured, dict):
             path = await run_in_threadpool(self.tuning.draft, name, given)
-            begin = partial(self.desk.begin, "loop", [name], measured, aside=True, paths=[str(path)])
+            command = "limit-cycle" if "block" in measured else "loop"
+            begin = partial(self.desk.begin, command, [name], measured, aside=True, paths=[str(path)])
             return JSONResponse((await run_in_threadpool(begin)).to_dict(), 201)
         found = await run_in_threadpool(self.tuning.at, name, where, given, locus=bool(sent.get("locus")))
         return JSONResponse(found)
@@ -237,10 +238,16 @@ class _Server:
         return JSONResponse(await run_in_threadpool(told))
 
     async def checked(self, request: Request) -> Response:
-        """Answer with what the draft of a study says, and with its mistakes."""
+        """Answer with what the draft of a study says, and with its mistakes; after a change if one is asked for."""
         sent = await _sent(request)
-        name, text = str(sent.get("name", "")), str(sent.get("text", ""))
-        return JSONResponse(await run_in_threadpool(checked_study, text, self.desk.root, name))
+        name, text, change = str(sent.get("name", "")), str(sent.get("text", "")), sent.get("change")
+        if isinstance(change, dict):
+            number, key = _number(str(change.get("number"))), str(change.get("key"))
+            if number is None or key not in {"min", "max"}:
+                raise InputError("a change has the number of a requirement, and the key min or max")
+            text = with_limit(text, number, key, _finite(key, change.get("value")))
+        told = await run_in_threadpool(checked_study, text, self.desk.root, name)
+        return JSONResponse({**told, "text": text})
 
     def schema(self, request: Request) -> Response:
         """Answer with the schema of study files, from which an editor completes them."""

@@ -17,9 +17,12 @@ from workbench.ui.root import ServedFolder
 
 if TYPE_CHECKING:
     from workbench.study.description import Study
+    from workbench.study.requirements.base import Requirement
     from workbench.study.result import RequirementResult, StudyResult
 
-__all__ = ["RunStudy", "StudyRecord", "checked_study", "run_study", "study_record_page"]
+__all__ = ["RunStudy", "StudyRecord", "checked_study", "run_study", "study_record_page", "with_limit"]
+
+_DRAWN = ("min", "max", "upper", "lower", "quantity", "band")  # of a requirement
 
 
 class RunStudy(Request["str | Path", "StudyRecord"]):
@@ -167,12 +170,41 @@ def checked_study(text: str, root: ServedFolder, name: str) -> dict[str, Any]:
     return {**result, **_parts(study, [line_of(text, f"requirements.{k + 1}") for k in range(len(study.requirements))])}
 
 
+def _limits(requirement: Requirement) -> dict[str, Any]:
+    """Return what pictures draw of a requirement: `min`, `max`, corners of a mask and the like, where it has them."""
+    given = {name: getattr(requirement, name, None) for name in _DRAWN}
+    return {name: value for name, value in given.items() if value is not None}
+
+
+def with_limit(text: str, number: int, key: str, value: float) -> str:
+    """Return the text of a study with another limit in one of its requirements; all else stays as it is.
+
+    Args:
+        text: of the file.
+        number: of the requirement, from 0.
+        key: "min" or "max".
+        value: of the limit.
+
+    Raises:
+        InputError: it is not TOML, or there is no such requirement.
+    """
+    import tomlkit  # noqa: PLC0415 - as above
+    from tomlkit.exceptions import TOMLKitError  # noqa: PLC0415
+
+    try:
+        document: Any = tomlkit.parse(text)
+        document["requirements"][number][key] = value
+    except (TOMLKitError, KeyError, IndexError, TypeError) as error:
+        raise InputError(f"the requirement cannot be changed: {error}") from None
+    return tomlkit.dumps(document)
+
+
 def _parts(study: Study, lines: Sequence[int | None]) -> dict[str, Any]:
     return {
         "envelope": study.envelope is not None,
         "analyses": [{"name": a.name, "command": a.command.request.command} for a in study.analyses.values()],
         "requirements": [
-            {"name": r.name, "kind": r.kind, "analysis": ", ".join(r.analyses), "line": line}
+            {"name": r.name, "kind": r.kind, "analysis": ", ".join(r.analyses), "line": line, **_limits(r)}
             for r, line in zip(study.requirements, lines, strict=True)
         ],
     }
