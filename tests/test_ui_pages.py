@@ -23,7 +23,10 @@ pytest.importorskip("starlette", reason="the extra 'ui' is not installed")
 
 @pytest.fixture(scope="module")
 def ui(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ui]:
-    with browser_workbench(tmp_path_factory.mktemp("root")) as server:
+    folder = tmp_path_factory.mktemp("root")
+    rows = (f"{0.1 * k:g},{k % 2},{math.sin(0.1 * k):g}" for k in range(200))
+    (folder / "record.csv").write_text("\n".join([f"time [s],u [deg],{'y' * 300} [m/s2]", *rows]))
+    with browser_workbench(folder) as server:
         yield server
 
 
@@ -215,6 +218,9 @@ PAGES = {
     "tune": "tune/system%3Arudder_loop",
     "compare": "compare",
     "keep": "keep",
+    "data": "open/record.csv",
+    "study": "open/study%3Arudder_loop",
+    "build": "build/system%3Arudder_loop",
 }
 
 
