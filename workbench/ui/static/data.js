@@ -5,7 +5,8 @@ import { Bode } from "./bode.js";
 import { fill, h, say, wrongs } from "./dom.js";
 import { address, asked, prefill } from "./measure.js";
 import { shown, unitShown } from "./numbers.js";
-import { Plot, colour, legend } from "./plot.js";
+import { legend } from "./legend.js";
+import { Plot, colour } from "./plot.js";
 
 const FEW = 32; // different values of a channel that a person or a program has set: an input, perhaps
 const DRAWN = 8; // signals at once

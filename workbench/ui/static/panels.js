@@ -2,7 +2,8 @@
 
 import { code, fill, h, table, told } from "./dom.js";
 import { modesOf } from "./modes.js";
-import { Plot, colour, legend } from "./plot.js";
+import { legend } from "./legend.js";
+import { Plot, colour } from "./plot.js";
 
 /** Sections of a page; where the first one's picture is drawn elsewhere, what stands beside frequencies or, unless it is to be `timed`, time there is left out. */
 export function sectionsOf({ facts, sections, modes, wrong }, pictured, timed = false) {
