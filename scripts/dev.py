@@ -226,7 +226,7 @@ def _lint_javascript() -> None:
         return
     print("$ eslint workbench/ui/static tests/js", flush=True)
     settings = JAVASCRIPT / "eslint.config.mjs"
-    _run(["node", eslint, "--config", settings, "workbench/ui/static", "tests/js/numbers.test.mjs"])
+    _run(["node", eslint, "--config", settings, "workbench/ui/static", *sorted(JAVASCRIPT.glob("*.mjs"))])
 
 
 def numerical(*, place: Environment = LOCKED) -> int:

@@ -17,8 +17,9 @@ from tests.browsers import browser
 from tests.compiled import quick_compiler, real_compiler
 from tests.drivers import driver
 from tests.nursery import copied_workers, started_workers
+from tests.ui_pages import page
 
-__all__ = ["browser", "copied_workers", "driver", "quick_compiler", "real_compiler", "started_workers"]
+__all__ = ["browser", "copied_workers", "driver", "page", "quick_compiler", "real_compiler", "started_workers"]
 
 # A shell starts background jobs with SIGINT ignored, nohup with SIGHUP, and their children inherit that; tests that
 # interrupt would then wait for ever.

@@ -7,15 +7,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import workbench as wb
 from workbench.cli.app import run
+from workbench.core.records.option import options_of
 from workbench.errors import InputError
 from workbench.model.varied import set_to
 from workbench.point.lin.linearise import run as run_lin
 from workbench.point.lin.request import Lin
 from workbench.point.lin.task import make_task
+from workbench.system.block_table.registry import BLOCKS
 
 SYSTEM = """
 [components]
@@ -58,6 +61,28 @@ def test_the_command_line_sets_it(file: Path, tmp_path: Path) -> None:
     out = tmp_path / "l.json"
     assert run(["lin", str(file), "--set", "plant.lag=0.25", "--json", str(out), "--in-process"]) == 0
     assert json.loads(out.read_text(encoding="utf-8"))["A"] == [[pytest.approx(-12.0)]]
+
+
+@pytest.mark.parametrize("kind", ["pi", "pid"])
+def test_the_gain_of_a_controller_is_set_and_not_its_state(tmp_path: Path, kind: str) -> None:
+    """With e = r − y and dy/dt = u of the plant, a PI loop has s² + P s + I: the product of its poles is I."""
+    file = tmp_path / "loop.toml"
+    text = SYSTEM.replace("gain = 2.0", f'gain = {{block = "{kind}", proportional = 2.0, integral = 1.0}}')
+    file.write_text(text.replace('"lead_lag", gain = 1.0, lead = 0.0, lag = 0.5', '"integrator"'), encoding="utf-8")
+    given = {"gain.integral": 3.0, **({"gain.derivative": 0.0} if kind == "pid" else {})}
+    with wb.load(file, start_values=given) as system:
+        assert "gain.integral" in {v.name for v in system.parameters}
+        slow = sorted(wb.lin(system).result.poles, key=abs)[:2]
+        assert np.prod(slow).real == pytest.approx(3.0)
+        with system.open_session() as session:
+            assert session.values(["gain.x"]) == {"gain.x": 0.0}
+
+
+def test_no_number_of_a_block_has_the_name_of_its_input_output_or_state() -> None:
+    for kind, block in BLOCKS.items():
+        made = block(**block.sample)
+        numbers = {d.name for d in options_of(block) if isinstance(getattr(made, d.name), float)}
+        assert not numbers & {*made.inputs, "y", *made.states, *made.remembers}, kind
 
 
 @pytest.mark.parametrize(

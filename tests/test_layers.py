@@ -30,7 +30,8 @@ ORDER = (
     ("build",),
     ("limit_cycles",),
     ("commands",),
-    ("study", "ui"),
+    ("study",),
+    ("ui",),
     ("cli",),
 )
 FLOOR = {room: floor for floor, rooms in enumerate(ORDER) for room in rooms}

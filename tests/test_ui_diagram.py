@@ -187,3 +187,25 @@ def test_the_palette_has_every_block_once_under_the_heading_of_the_list() -> Non
     told = {block.kind: block.group for block in wb.blocks([]).blocks}
     for group, kinds in PALETTE.items():
         assert {told.get(kind, "linear") for kind in kinds} == {group}
+
+
+@pytest.mark.parametrize(
+    ("block", "wire"),
+    [("gain", "plant.delC"), ("switch", "lag.a"), ("transfer_function", "error.u2"), ("sum", "gain.u")],
+)
+def test_a_block_is_put_into_a_wire_and_nothing_else_is_touched(block: str, wire: str) -> None:
+    after = edited(SPREAD, "insert", block, wire)
+    before, now = tomllib.loads(SPREAD), tomllib.loads(after)
+    (name,) = now["components"].keys() - before["components"].keys()
+    flat = {"plant.delC": now["connections"].get("plant", {}).get("delC"), **now["connections"]}
+    was = {"plant.delC": before["connections"]["plant"]["delC"], **before["connections"]}
+    assert flat[wire] == f"{name}.y"
+    (first,) = [to for to in flat if to.startswith(f"{name}.")]
+    assert flat[first] == was[wire]  # with its gain
+    lost = [line for line in difflib.ndiff(SPREAD.splitlines(), after.splitlines()) if line.startswith("- ")]
+    assert len(lost) == 1  # of the wire, whose source is another now
+
+
+def test_a_block_is_put_into_no_wire_that_is_not_there() -> None:
+    with pytest.raises(InputError, match="edit its text"):
+        edited(SPREAD, "insert", "gain", "error.u1")

@@ -17,9 +17,10 @@ import matplotlib as mpl
 
 from tests.programs import start
 
-__all__ = ["Answer", "Ui", "browser_workbench"]
+__all__ = ["POINTS", "ROOT", "Answer", "Ui", "browser_workbench"]
 
 ROOT = Path(__file__).resolve().parents[1]
+POINTS = {"input": "delC", "output": "del", "frequencies": "1,2,4", "amplitudes": "1"}  # of the rudder, soon measured
 
 
 @dataclass(frozen=True)

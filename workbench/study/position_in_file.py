@@ -13,7 +13,7 @@ from typing import Any
 from workbench.errors import InputError, Mistake, suggest
 from workbench.system.files.toml_schema import WrongTableError
 
-__all__ = ["Mistakes", "in_file", "known", "place"]
+__all__ = ["Mistakes", "in_file", "known", "line_of", "place"]
 
 _PART = r"""(?:"[^"]*"|'[^']*'|[\w-]+)"""
 _PATH = rf"({_PART}(?:\s*\.\s*{_PART})*)"
@@ -98,7 +98,7 @@ def in_file(path: Path) -> Iterator[None]:
         each = error.each if isinstance(error, WrongTableError) else (str(error),)
         text = path.read_text(encoding="utf-8-sig")
         data = tomllib.loads(text)
-        mistakes = [Mistake(said, str(path), _line_of(text, _path_of(said, data))) for said in each]
+        mistakes = [Mistake(said, str(path), line_of(text, _path_of(said, data))) for said in each]
         raise InputError(f"{path}: {_told(mistakes)}", mistakes) from None
 
 
@@ -119,7 +119,7 @@ def _path_of(said: str, data: Mapping[str, Any]) -> str:
     return ".".join(filter(None, [*parts, (key["key"] or key["what"]) if key else ""]))
 
 
-def _line_of(text: str, wanted: str) -> int | None:
+def line_of(text: str, wanted: str) -> int | None:
     """Return the number of the line where a key stands, else that of the table around it; None: neither is found.
 
     Args:

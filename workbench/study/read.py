@@ -157,11 +157,12 @@ def locate_study(name: str | Path) -> Path:
     raise InputError(f"{name}: no such file; {hint}give a study as .toml, or study:NAME")
 
 
-def read_study(name: str | Path) -> Study:
+def read_study(name: str | Path, *, folder: Path | None = None) -> Study:
     """Return the study that a file describes.
 
     Args:
         name: a path, or `study:NAME`.
+        folder: that paths in it are relative to; None: its own. For drafts, which lie elsewhere.
 
     Raises:
         InputError: one line with the file, the table and the key: no such file, not TOML, a key that is unknown (near
@@ -181,7 +182,7 @@ def read_study(name: str | Path) -> Study:
             "study as one of its models"
         )
     with in_file(path):
-        study = _study(path, data)
+        study = _study(path, data, folder or path.parent)
         _check_references(study)
     return study
 
@@ -225,23 +226,23 @@ def _check_circle(name: str, study: Study, before: tuple[str, ...]) -> None:
         _check_circle(reference.analysis, study, (*before, name))
 
 
-def _study(path: Path, data: Mapping[str, Any]) -> Study:
+def _study(path: Path, data: Mapping[str, Any], folder: Path) -> Study:
     table = read_table(StudyTable, data, "")
     mistakes = Mistakes()
     models = {name: Change(model=None, options={}) for name in table.models}
     for name, given in table.models.items():
         with mistakes.kept():
-            models[name] = _model(name, given, path.parent)
+            models[name] = _model(name, given, folder)
     analyses: dict[str, StudyAnalysis] = {}
     for name, given in table.analyses.items():
         with mistakes.kept():
-            analyses[name] = _analysis(name, given, models, path.parent)
+            analyses[name] = _analysis(name, given, models, folder)
     if not table.analyses:
         raise InputError("[analyses]: is empty; give at least one, as in [analyses.response]")
     configurations: dict[str, dict[str, Change]] = {name: {} for name in table.configurations}
     for name, given in table.configurations.items():
         with mistakes.kept():
-            configurations[name] = _configuration(name, given, models, path.parent)
+            configurations[name] = _configuration(name, given, models, folder)
     grid: dict[str, tuple[Scalar, ...]] = {}
     with mistakes.kept():
         grid |= _grid(table.grid, models)

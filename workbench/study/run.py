@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import chdir
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -98,13 +99,21 @@ class StudyRun:
         with job.ended_by(), Finished(self._store, fresh=self._fresh) as finished, in_file(self.study.path):
             execution = Execution(self.plan, finished=finished, folder=self.study.folder)
             reused = len(execution.outcomes)
+            every = _questions(self.study, self.plan)
+            came_to = partial(self._came_to, execution, reused, command)
+            job.partial = lambda: came_to([_answer(c, execution.outcomes) for c in every])
             if execution.missing:
                 check_runs(self.study, execution.missing)
                 execution.execute(workers(), job)
-            every = _questions(self.study, self.plan)
             renewed = _renewed(every, execution.outcomes) if update_baselines else []
             checked = self._checked(every, finished, execution)
             damage = finished.remarks()
+        return came_to(checked, (*damage, *execution.afterwards, *renewed))
+
+    def _came_to(
+        self, execution: Execution, reused: int, command: str, checked: Sequence[RequirementResult],
+        notes: Sequence[str] = (),
+    ) -> StudyResult:  # fmt: skip
         return StudyResult(
             study=self.study,
             runs={run: execution.outcomes[run] for run in self.plan.runs if run in execution.outcomes},
@@ -112,7 +121,7 @@ class StudyRun:
             measured=execution.measured,
             reused=reused,
             missing=len(execution.missing),
-            notes=(*self.plan.notes, *damage, *execution.afterwards, *renewed),
+            notes=(*self.plan.notes, *notes),
             command=command,
         )
 

@@ -27,9 +27,11 @@ from workbench.errors import InputError, WorkbenchError
 from workbench.show.result import picture_of
 from workbench.ui.curves import curves_of, signals_of, stored_curves
 from workbench.ui.diagram import PALETTE, drawn, edited
-from workbench.ui.forms import MEASURED, FormError, form_of
+from workbench.ui.forms import FILED, MEASURED, FormError, form_of
 from workbench.ui.jobs import Desk
+from workbench.ui.recorded import Recordings
 from workbench.ui.root import NotHereError, has_envelope, kind_of
+from workbench.ui.studies import checked_study, with_limit
 from workbench.ui.study import study_of
 from workbench.ui.tune import Tuning
 from workbench.ui.work import Work
@@ -54,6 +56,7 @@ class _Server:
     def __init__(self, desk: Desk) -> None:
         self.desk = desk
         self.tuning = Tuning(desk.root)
+        self.recordings = Recordings()
 
     # -- what there is ------------------------------------------------------------------------
 
@@ -69,6 +72,7 @@ class _Server:
                 "folder": root.folder.name or str(root.folder),
                 "files": root.listing(),
                 "forms": [form_of(command) for command in MEASURED],
+                "file_forms": [form_of(command) for command in FILED],
                 "palette": [[group, kinds] for group, kinds in PALETTE.items()],
                 "works": [work.to_dict() for work in list(self.desk.works.values())],
                 "last": self.desk.last,
@@ -95,13 +99,12 @@ class _Server:
     def work(self, request: Request) -> Response:
         """Answer with all that is known of one work: its points so far, and what its record gives."""
         work = self._work(request)
-        record = None if work.record is None else plain(work.record.to_dict())
         return JSONResponse(
             {
                 **work.to_dict(),
                 "points": list(work.points),
                 "last": self.desk.last,
-                "record": record,
+                "record": work.told,
                 "curves": [] if work.record is None else curves_of(work.record),
                 "signals": None if work.record is None else signals_of(work.record),
             }
@@ -162,13 +165,12 @@ class _Server:
     # -- what records give ------------------------------------------------------------------------
 
     def report(self, request: Request) -> Response:
-        work, _ = self._with_record(request)
-        page = work.report(self.desk.drawings).result()
+        page = self._with_told(request).report(self.desk.drawings).result()
         return Response(page, media_type="text/html", headers=_REPORT)
 
     def page(self, request: Request) -> Response:
         """Answer with the sections of the record's page, and with the modes of a linear model."""
-        work, _ = self._with_record(request)
+        work = self._with_told(request)
         return Response(work.sections(self.desk.drawings).result(), media_type="application/json")
 
     def picture(self, request: Request) -> Response:
@@ -185,9 +187,9 @@ class _Server:
         return Response(self.desk.drawings.ask(draw).result(), media_type=_PICTURES[suffix])
 
     def data(self, request: Request) -> Response:
-        _, record = self._with_record(request)
         if request.path_params["kind"] == "json":
-            return Response(json.dumps(plain(record.to_dict()), indent=2), media_type="application/json")
+            return Response(json.dumps(self._with_told(request).told, indent=2), media_type="application/json")
+        _, record = self._with_record(request)
         with scratch("ui") as folder:
             record.to_csv(folder / "data.csv")
             return Response((folder / "data.csv").read_bytes(), media_type="text/csv")
@@ -204,7 +206,8 @@ class _Server:
         measured = sent.get("measure")
         if isinstance(measured, dict):
             path = await run_in_threadpool(self.tuning.draft, name, given)
-            begin = partial(self.desk.begin, "loop", [name], measured, aside=True, paths=[str(path)])
+            command = "limit-cycle" if "block" in measured else "loop"
+            begin = partial(self.desk.begin, command, [name], measured, aside=True, paths=[str(path)])
             return JSONResponse((await run_in_threadpool(begin)).to_dict(), 201)
         found = await run_in_threadpool(self.tuning.at, name, where, given, locus=bool(sent.get("locus")))
         return JSONResponse(found)
@@ -222,6 +225,35 @@ class _Server:
         name = request.query_params.get("name", "")
         text = self.desk.root.text_of(name)
         return JSONResponse({"name": name, "text": text, "envelope": has_envelope(text)})
+
+    async def recorded(self, request: Request) -> Response:
+        """Answer with what a file of recorded data holds, and with some of its signals over a stretch of time."""
+        sent = await _sent(request)
+        path = self.desk.root.path(str(sent.get("name", "")))
+        dt, begin, end = (
+            None if sent.get(key) is None else _finite(key, sent[key]) for key in ("dt", "begin", "end")
+        )  # fmt: skip
+        channels = [str(name) for name in list(sent.get("channels") or ())]
+        told = partial(self.recordings.told, path, dt=dt, channels=channels, begin=begin, end=end)
+        return JSONResponse(await run_in_threadpool(told))
+
+    async def checked(self, request: Request) -> Response:
+        """Answer with what the draft of a study says, and with its mistakes; after a change if one is asked for."""
+        sent = await _sent(request)
+        name, text, change = str(sent.get("name", "")), str(sent.get("text", "")), sent.get("change")
+        if isinstance(change, dict):
+            number, key = _number(str(change.get("number"))), str(change.get("key"))
+            if number is None or key not in {"min", "max"}:
+                raise InputError("a change has the number of a requirement, and the key min or max")
+            text = with_limit(text, number, key, _finite(key, change.get("value")))
+        told = await run_in_threadpool(checked_study, text, self.desk.root, name)
+        return JSONResponse({**told, "text": text})
+
+    def schema(self, request: Request) -> Response:
+        """Answer with the schema of study files, from which an editor completes them."""
+        from workbench.study.schema import schema  # noqa: PLC0415 - of all commands: it takes a while
+
+        return JSONResponse(schema("study"))
 
     async def diagram(self, request: Request) -> Response:
         """Answer with what the text of a system says, after a change if one is asked for."""
@@ -243,7 +275,10 @@ class _Server:
             if kind not in {"system", "study"}:
                 message = f"{name} exists and is neither a system nor a study; choose another name"
                 return JSONResponse({"message": message}, 422)
-            if not sent.get("replace"):
+            was = sent.get("was")  # what the page has read
+            if was is not None and was != self.desk.root.text_of(name):
+                return JSONResponse({"message": f"{name} was changed meanwhile", "kind": kind}, 409)
+            if was is None and not sent.get("replace"):
                 return JSONResponse({"message": f"{name} exists already: a {kind}", "kind": kind}, 409)
         with replacing(path) as new:
             new.write_text(text, encoding="utf-8")
@@ -276,6 +311,12 @@ class _Server:
         work = None if number is None else self.desk.works.get(number)
         if work is None:
             raise HTTPException(404, "there is no such work; the server was started anew, perhaps")
+        return work
+
+    def _with_told(self, request: Request) -> Work:
+        work = self._work(request)
+        if work.record is None and work.told is None:
+            raise HTTPException(404, "there is no record")
         return work
 
     def _with_record(self, request: Request) -> tuple[Work, Any]:
@@ -358,6 +399,9 @@ def app_of(desk: Desk) -> Starlette:
         Route("/api/text", server.keep, methods=["POST"]),
         Route("/api/diagram", server.diagram, methods=["POST"]),
         Route("/api/tune", server.tune, methods=["POST"]),
+        Route("/api/data", server.recorded, methods=["POST"]),
+        Route("/api/study", server.checked, methods=["POST"]),
+        Route("/api/study/schema", server.schema),
         Route("/api/study.toml", server.study),
         Mount("/static", _Static(directory=STATIC)),
     ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,10 +19,12 @@ from workbench.ui.marks import margin_marks, response_marks
 # The server names what a record is, and imports no analysis for it: the page is there before python-control is.
 if TYPE_CHECKING:
     from workbench.core.values.linear import Linear
+    from workbench.identification.fit.result import FitResult
+    from workbench.identification.identify.result import IdentifyResult
+    from workbench.identification.structures.result import StructureResult
     from workbench.limit_cycles.feedback.result import FeedbackResult
     from workbench.loops.loop.result import LoopResult
     from workbench.point.lin.grid import LinGrid
-    from workbench.point.lin.result import LinResult
     from workbench.response.branches.result import BranchesResult, ResponseBranch
     from workbench.response.nfr.result import NfrResult
 
@@ -100,7 +103,7 @@ def _branch(branch: ResponseBranch, number: int, record: NfrResult | BranchesRes
     )
 
 
-def _lin(record: LinResult, label: str = "") -> Iterator[dict[str, Any]]:
+def _lin(record: Linear, label: str = "") -> Iterator[dict[str, Any]]:
     pairs = [(u, y) for u in record.input_names for y in record.output_names][:_CURVES]
     for u, y in pairs:
         curve = record.curve(u, y, _band(record))
@@ -141,9 +144,39 @@ def _feedback(record: FeedbackResult) -> Iterator[dict[str, Any]]:
     yield of_response(response, f"plant: {record.source} by {record.target}", "linear")
 
 
+def _identified(record: IdentifyResult) -> Iterator[dict[str, Any]]:
+    model, spread = record.model, record.uncertainty
+    pairs = [(u, y) for u in model.input_names for y in model.output_names][:_CURVES]
+    for u, y in pairs:
+        curve = model.curve(u, y, _band(model))
+        if spread is not None:  # with the 95 % region of each point
+            i, j = spread.output_names.index(y), spread.input_names.index(u)
+            value, error = spread.response[:, i, j], spread.gain_error[:, i, j]
+            curve = replace(curve, frequency_hz=spread.frequency_hz, value=value, error=error)
+        yield of_response(curve, f"identified: {y} by {u}", "linear")
+
+
+def _blocks(record: StructureResult) -> Iterator[dict[str, Any]]:
+    model = record.linear
+    curve = model.curve(0, 0, _band(model))
+    yield of_response(curve, f"linear block: {curve.output} by {curve.input}", "linear")
+
+
+def _fit(record: FitResult) -> Iterator[dict[str, Any]]:
+    for (i, j), own in record.channels.items():
+        order = np.argsort(record.frequency_hz[own], kind="stable")
+        measured = Response(
+            record.frequency_hz[own][order], record.measured[own][order], input=record.input_names[j],
+            output=record.output_names[i],
+        )  # fmt: skip
+        channel, status = record.channel_name(i, j), ["settled"] * len(order)
+        yield of_response(measured, f"measured: {channel}", "measured", status=status)
+        yield of_response(replace(measured, value=record.fitted[own][order]), f"fitted: {channel}", "linear")
+
+
 _CURVES_OF: Mapping[str, Callable[[Any], Iterator[dict[str, Any]]]] = {
     "NfrResult": _nfr, "BranchesResult": _branches, "LinResult": _lin, "LinGrid": _grid, "LoopResult": _loop,
-    "FeedbackResult": _feedback,
+    "FeedbackResult": _feedback, "IdentifyResult": _identified, "StructureResult": _blocks, "FitResult": _fit,
 }  # fmt: skip
 
 

@@ -11,7 +11,7 @@ import tomlkit
 from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import Table
 
-from workbench.core.records.parsing import from_toml
+from workbench.core.records.parsing import from_toml, toml_value
 from workbench.errors import InputError
 from workbench.fmi.bundled import bundled_path, is_bundled, is_bundled_system
 from workbench.system.block_table.registry import BLOCKS as KINDS
@@ -161,7 +161,7 @@ def edited(text: str, edit: str, *names: str) -> str:
         edit: one of `EDITS`.
         names: for "add" a block of `BLOCKS`, for "connect" an output and an input, for "cut" an input that loses its
             connection, for "remove" a component, which goes with all that is connected to it, for "set" a parameter
-            and its value.
+            and its value, for "insert" a block and the input whose wire it is put into.
 
     Raises:
         InputError: it is not TOML, no such edit, or the change cannot be made without touching the rest.
@@ -212,12 +212,33 @@ def _told(data: Mapping[str, Any]) -> dict[str, Any]:
     return {**rest, "connections": {to: value for to, value in flat.items() if value != {}}}
 
 
-def _add(document: _Table, block: str) -> None:
+def _add(document: _Table, block: str) -> str:
+    """Add a block, and return its name."""
     components = _section(document, "components")
     stem, _, _ = block.partition(" ")
     names = (stem if k == 1 else f"{stem}{k}" for k in range(1, len(components) + 2))
     name = next(name for name in names if name not in components)
     _put(components, name, f"{name} = {BLOCKS[block]}")
+    return name
+
+
+def _insert(document: _Table, block: str, destination: str) -> None:
+    """Put a block into the wire to an input: what the wire says besides its source stays with its first part."""
+    from workbench.system.blocks import block_ports  # noqa: PLC0415 - as above
+    from workbench.system.description import FmuComponent  # noqa: PLC0415
+    from workbench.system.files.toml_components import read_component  # noqa: PLC0415
+    from workbench.system.files.toml_file import connections_in  # noqa: PLC0415
+
+    wires = {to: (holder, key) for to, holder, key in connections_in(document.get("connections", {}))}
+    holder, key = wires[destination]
+    given, name = holder[key], _add(document, block)
+    made = read_component(name, from_toml(f"block = {BLOCKS[block]}")["block"], Path())
+    if isinstance(made, FmuComponent):
+        raise InputError(f"{block} is not a block")
+    first = f"{name}.{next(iter(block_ports(made)[0]))}"
+    source = toml_value(given.unwrap() if hasattr(given, "unwrap") else given)
+    holder[key] = f"{name}.y"
+    _put(_section(document, "connections"), first, f"{json.dumps(first)} = {source}")
 
 
 def _connect(document: _Table, source: str, destination: str) -> None:
@@ -270,8 +291,8 @@ def _set(document: _Table, name: str, value: str) -> None:
         components[component][parameter] = number
 
 
-EDITS: Mapping[str, Callable[..., None]] = {
-    "add": _add, "connect": _connect, "cut": _cut, "remove": _remove, "set": _set,
+EDITS: Mapping[str, Callable[..., object]] = {
+    "add": _add, "connect": _connect, "cut": _cut, "insert": _insert, "remove": _remove, "set": _set,
 }  # fmt: skip
 
 

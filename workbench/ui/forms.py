@@ -14,14 +14,19 @@ from workbench.errors import InputError
 from workbench.model.loading import Loading
 from workbench.requests.request import Request, asked_options, request_from
 from workbench.ui.root import NotHereError, ServedFolder
+from workbench.ui.studies import RunStudy
 
-__all__ = ["MEASURED", "OFFERED", "FormError", "form_of", "in_the_form", "request_of_form", "without_flags"]
+__all__ = [
+    "FILED", "MEASURED", "OFFERED", "FormError", "form_of", "in_the_form", "kind_named", "request_of_form",
+    "without_flags",
+]  # fmt: skip
 
 # Commands that a model's page offers, in their order; the others take blocks or files of data, or write FMUs.
 _OTHERS = {"info", "blocks", "identify", "fit", "build", "compile", "export", "compare", "envelope"}
 MEASURED = tuple(name for name in REQUESTS if name not in _OTHERS)
+FILED = ("identify", "fit", "build", "compile", "export")  # whose forms stand on pages of files
 
-OFFERED = (*MEASURED, "info", "envelope")  # what is begun for a browser
+OFFERED = (*MEASURED, *FILED, "info", "envelope", RunStudy.command)  # what is begun for a browser
 
 # Command → what a person wants to know, in plain words.
 _QUESTIONS: Mapping[str, str] = {
@@ -40,13 +45,20 @@ _QUESTIONS: Mapping[str, str] = {
     "feedback": "Which feedback removes an oscillation?",
     "feed-forward": "Which filter cancels an oscillation?",
     "excite": "Record data to identify a model from",
+    "calibrate": "Which parameters does a measurement tell?",
+    "identify": "What is the model behind these data?",
+    "fit": "What is the model behind this response?",
+    "build": "Make an FMU of this Modelica model",
+    "compile": "Compile the sources of this FMU",
+    "export": "Make an FMU of this model",
 }
 
 _SWITCH, _NUMBER, _WHOLE, _CHOICE, _TEXT, _LIST = "switch", "number", "whole", "choice", "text", "list"
 _TYPES: Mapping[Any, str] = {bool: _SWITCH, float: _NUMBER, int: _WHOLE}
 # What runs elsewhere, or is written beside the page that the browser shows.
 _WITHOUT = {"in_process", "scheduler", "tls"}
-_STORE = "store"  # the folder of this option need not be there yet
+_NEW = {"store", "out"}  # what these options name need not be there yet
+_WRITTEN = "out"  # what this one names must not be: nothing is overwritten
 
 
 class FormError(InputError):
@@ -61,16 +73,26 @@ class FormError(InputError):
         self.fields = dict(fields)
 
 
+def kind_named(command: str) -> type[Request[Any, Any]]:
+    """Return the class of what a command asks for.
+
+    Args:
+        command: one of `OFFERED`.
+    """
+    return RunStudy if command == RunStudy.command else request_of(command)
+
+
 def form_of(command: str) -> dict[str, Any]:
     """Return the fields of a command's request, ready for JSON.
 
     Args:
         command: one of `REQUESTS`.
     """
-    request = request_of(command)
+    request = kind_named(command)
     first, *_ = inspect.cleandoc(request.__doc__ or "").split("\n\n")
     return {
         "command": command,
+        "words": [request.command, *filter(None, [request.chosen_by])],
         "question": _QUESTIONS.get(command, " ".join(first.split())),
         "theme": next((group for group, commands in GROUPS.items() if command in _named_in(commands)), "More"),
         "help": " ".join(first.split()),
@@ -153,7 +175,7 @@ def request_of_form(command: str, given: Mapping[str, Any], root: ServedFolder) 
     Raises:
         FormError: fields that cannot be used.
     """
-    request = request_of(command)
+    request = kind_named(command)
     options = _options(request)
     wrong = {name: "there is no such option" for name in given if name not in options}
     values: dict[str, Any] = {}
@@ -161,7 +183,7 @@ def request_of_form(command: str, given: Mapping[str, Any], root: ServedFolder) 
         try:
             value = _given(declared, given.get(name))
             if value is not None:
-                _check_files(declared, value, root, new=name == _STORE)
+                _check_files(declared, value, root, name)
                 declared.read(value)
                 values[name] = value
             elif declared.required or name in request.needs:
@@ -182,16 +204,19 @@ def request_of_form(command: str, given: Mapping[str, Any], root: ServedFolder) 
     return asked
 
 
-def _check_files(declared: DeclaredOption, value: Any, root: ServedFolder, *, new: bool) -> None:  # noqa: ANN401 - of a form
-    """Refuse files that are not in the folder.
+def _check_files(declared: DeclaredOption, value: Any, root: ServedFolder, name: str) -> None:  # noqa: ANN401 - of a form
+    """Refuse files that are not in the folder, and to write one that is.
 
     Raises:
         NotHereError: what is told of the first one.
+        InputError: the file exists.
     """
     if declared.form is None:
         return
     for file in declared.form.files(value if isinstance(value, list) else [value]):
-        root.find(file, new=new)
+        path = root.find(file, new=name in _NEW)
+        if name == _WRITTEN and (root.folder / path).exists():
+            raise InputError(f"{file} exists already; choose another name")
 
 
 def _stand_in(declared: DeclaredOption) -> Any:  # noqa: ANN401 - of a form

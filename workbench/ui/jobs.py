@@ -12,15 +12,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from workbench.commands import request_of
 from workbench.core.records.option import asked_in_json, options_of, values_of
 from workbench.core.records.record import plain
 from workbench.errors import InputError, WorkbenchError, suggest
 from workbench.jobs.job import Job
 from workbench.model.loading import Loading
 from workbench.requests.request import Request, command_line_of, function
-from workbench.ui.forms import OFFERED, in_the_form, request_of_form
-from workbench.ui.kept import Drawer, Shelf
+from workbench.ui.forms import OFFERED, in_the_form, kind_named, request_of_form
+from workbench.ui.kept import Drawer, Shelf, restorable
 from workbench.ui.page import headline_of
 from workbench.ui.reports import Drawings
 from workbench.ui.root import ServedFolder
@@ -189,7 +188,7 @@ class Desk:
         """
         if command not in OFFERED:
             raise InputError(f"command '{command}' is not offered here; {suggest(command, OFFERED)}")
-        kind = request_of(command).subject
+        kind = kind_named(command).subject
         if (not subject and not kind.optional) or (len(subject) > 1 and not kind.several):
             raise InputError(f"{command} takes {'some' if kind.several else 'one'} {kind.metavar}")
         found = [self.root.find(name) for name in subject]
@@ -244,8 +243,13 @@ class Desk:
             drawer.write(work.facts())
         work.listen(lambda event, **facts: self._tell(number, event, facts))
         self._tell(number, "state", work.to_dict())
-        self._threads[aside].submit(work.run)
+        self._threads[aside].submit(self._run, work)
         return work
+
+    def _run(self, work: Task) -> None:
+        work.run()
+        if work.drawer is not None and work.record is not None and not restorable(work.record):
+            work.sections(self.drawings)  # while the record is there
 
     def _drawer(self, number: int) -> tuple[Drawer | None, str]:
         try:

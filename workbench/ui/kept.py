@@ -19,10 +19,11 @@ from workbench.core.records.named import named
 from workbench.errors import InputError
 from workbench.requests.origin import FmuOrigin, ModelFacts, Origin
 
-__all__ = ["Drawer", "Shelf", "origin_from_json", "origin_to_json"]
+__all__ = ["Drawer", "Shelf", "origin_from_json", "origin_to_json", "restorable"]
 
 _MOST = 200  # works that are kept; the oldest go first
-_FACTS, _RECORD, _POINTS, _REPORT, _STORE = "work.json", "record.json", "points.json", "report.html", "store"
+_FACTS, _RECORD, _POINTS, _STORE = "work.json", "record.json", "points.json", "store"
+_REPORT, _SECTIONS = "report.html", "sections.json"
 _STUB = Path(__file__).resolve().parents[1] / "__init__.pyi"
 
 
@@ -77,10 +78,15 @@ class Drawer:
         """Throw all of it away."""
         shutil.rmtree(self._folder, ignore_errors=True)
 
-    def record(self) -> Any:  # noqa: ANN401 - any record
-        """Return the record; None: there is none, or this version cannot read it."""
+    def told(self) -> dict[str, Any] | None:
+        """Return the record as JSON has it; None: there is none."""
         kept = _read(self._folder / _RECORD)
-        home = homes_in(str(_STUB)).get(kept["kind"]) if isinstance(kept, dict) else None
+        return kept["record"] if isinstance(kept, dict) else None
+
+    def record(self) -> Any:  # noqa: ANN401 - any record
+        """Return the record; None: there is none, or none that can be read back."""
+        kept = _read(self._folder / _RECORD)
+        home = _homes().get(kept["kind"]) if isinstance(kept, dict) else None
         if home is None:
             return None
         try:
@@ -94,13 +100,27 @@ class Drawer:
 
     def report(self) -> bytes | None:
         """Return the report; None: it was not made yet."""
-        with suppress(OSError):
-            return (self._folder / _REPORT).read_bytes()
-        return None
+        return self._page(_REPORT)
 
     def write_report(self, page: bytes) -> None:
         """Keep the report; where that cannot be, it is made again when it is asked for."""
-        with suppress(InputError), replacing(self._folder / _REPORT) as part:
+        self._write_page(_REPORT, page)
+
+    def sections(self) -> bytes | None:
+        """Return the sections of the page; None: they were not made yet."""
+        return self._page(_SECTIONS)
+
+    def write_sections(self, page: bytes) -> None:
+        """Keep the sections of the page, as `write_report` does."""
+        self._write_page(_SECTIONS, page)
+
+    def _page(self, name: str) -> bytes | None:
+        with suppress(OSError):
+            return (self._folder / name).read_bytes()
+        return None
+
+    def _write_page(self, name: str, page: bytes) -> None:
+        with suppress(InputError), replacing(self._folder / name) as part:
             part.write_bytes(page)
 
 
@@ -144,6 +164,19 @@ class Shelf:
         except OSError as error:
             raise InputError(f"{self._folder}: cannot be made: {error.strerror or error}") from None
         return Drawer(self._folder / str(number))
+
+
+def _homes() -> Mapping[str, str]:
+    return homes_in(str(_STUB))
+
+
+def restorable(record: object) -> bool:
+    """Return whether a record can be read back: that of a study cannot.
+
+    Args:
+        record: any.
+    """
+    return type(record).__name__ in _homes()
 
 
 def origin_to_json(origin: Origin) -> dict[str, Any]:

@@ -14,11 +14,14 @@ from workbench.core.values.decibels import decibels
 # As in `curves`: the page is there before python-control is.
 if TYPE_CHECKING:
     from workbench.core.values.margins import Margins
+    from workbench.identification.fit.result import FitResult
+    from workbench.identification.identify.result import IdentifyResult
     from workbench.limit_cycles.limit_cycle.result import LimitCycleResult
     from workbench.loops.loop.result import LoopResult
     from workbench.point.lin.result import LinResult
     from workbench.point.trim.result import TrimResult
     from workbench.response.nfr.result import NfrResult
+    from workbench.ui.studies import StudyRecord
 
 __all__ = ["brief_of", "margin_marks", "response_marks"]
 
@@ -132,6 +135,24 @@ def _trim(record: TrimResult) -> Iterator[str]:
     yield "at rest" if record.converged else "no equilibrium"
 
 
+def _identify(record: IdentifyResult) -> Iterator[str]:
+    yield f"order {record.order}"
+    if math.isfinite(record.fit_percent):
+        yield f"fit {record.fit_percent:.3g} %"
+
+
+def _fit(record: FitResult) -> Iterator[str]:
+    yield f"order {record.order}"
+    yield f"misfit at most {100.0 * float(np.max(record.misfit)):.2g} %"
+
+
+def _study(record: StudyRecord) -> Iterator[str]:
+    checked = record.result.checked
+    if checked:
+        yield f"{sum(c.finding.passed for c in checked)} of {len(checked)} met"
+
+
 _BRIEF: Mapping[str, Callable[[Any], Iterator[str]]] = {
     "NfrResult": _nfr, "LoopResult": _loop, "LimitCycleResult": _limit_cycle, "LinResult": _lin, "TrimResult": _trim,
+    "IdentifyResult": _identify, "FitResult": _fit, "StudyRecord": _study,
 }  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from workbench.core.machine.bundled_files import bundled_files, find_bundled
@@ -22,9 +22,10 @@ _DESCRIPTION = "modelDescription.xml"
 _SKIPPED = {"node_modules", "__pycache__", "site-packages"}
 _TEXTS = {"system": "systems", "study": "studies"}
 _BEGINNING = 4096  # of a record's file, where its command and its model stand [byte]
-_TRIM = re.compile(r'^\s*\{\s*"command": "trim"')
+_COMMAND = re.compile(r'^\s*\{\s*"command": "([\w-]+)"')
 _MODEL = re.compile(r'"model": ("(?:[^"\\\x00-\x1f]|\\["\\/bfnrt])*")')
 _SYSTEMS = {".toml", ".ssp", ".ssd"}
+_FILES = {*_SYSTEMS, ".fmu", ".json", ".csv"}
 _PREFIXES = ("fmu:", "system:", "study:")
 
 
@@ -58,7 +59,7 @@ class ServedFolder:
         if path.suffix.lower() in _SYSTEMS or path.is_dir():
             self._check_parts(text, path)
         if path.is_file() and kind_of(path) == "study":
-            self._check_study(text, path)
+            self.check_study(text, path.read_text(encoding="utf-8"), path)
         return self.name_of(path)
 
     def _check_parts(self, text: str, path: Path) -> None:
@@ -78,21 +79,35 @@ class ServedFolder:
                     f"{text}: its {part.name} is not in this folder; start workbench ui in one that holds both"
                 )
 
-    def _check_study(self, text: str, study: Path) -> None:
-        """Refuse a study that names files outside: whatever in it is one beside the study, or behind a name's `=`."""
-        for word in _texts(from_toml(study.read_text(encoding="utf-8"))):
+    def check_study(self, name: str, text: str, study: Path) -> None:
+        """Refuse a study that names files outside: whatever in it is one beside the study, or behind a name's `=`.
+
+        Args:
+            name: of the study, as the browser names it.
+            text: of the study.
+            study: its file, which need not be there.
+
+        Raises:
+            NotHereError: it does.
+        """
+        try:
+            words = list(_texts(from_toml(text)))
+        except ValueError:  # who reads it says so
+            return
+        for word in words:
             for part in {word, word.rpartition("=")[2]} - {""}:
                 try:
                     file = (study.parent / part).resolve()
                     there = file.exists()
                 except (OSError, ValueError, RuntimeError):  # no name that a file can have
                     continue
-                if there and not file.is_relative_to(self.folder):
+                # A file that is not there is told with those beside it.
+                if (there or file.suffix.lower() in _FILES) and not file.is_relative_to(self.folder):
                     raise NotHereError(
-                        f"{text}: {part} is not in this folder; start workbench ui in one that holds both"
+                        f"{name}: {part} is not in this folder; start workbench ui in one that holds both"
                     )
                 if there and (file.suffix.lower() in _SYSTEMS or file.is_dir()) and file != study:
-                    self._check_parts(text, file)
+                    self._check_parts(name, file)
 
     def path(self, text: str, *, new: bool = False) -> Path:
         """Return the path of a file in the folder, links resolved.
@@ -135,11 +150,15 @@ class ServedFolder:
         return path.relative_to(self.folder).as_posix()
 
     def listing(self) -> list[dict[str, str]]:
-        """Return what can be opened: name and kind ("fmu", "system", "study", "store", "point"; this with `model`)."""
+        """Return what can be opened: name and kind.
+
+        Kinds are "fmu", "system", "study", "store", "data", "modelica"; "point" with its `model`, and "record", another
+        analysis's JSON, with its `command`.
+        """
         result = [{"name": name, "kind": kind} for name, kind in self._inside()]
         for entry in result:
-            if entry["kind"] == "point":
-                entry["model"] = _model_of_point(self.folder / entry["name"])
+            if entry["kind"] in {"point", "record"}:
+                entry["command"], entry["model"] = _record_in(self.folder / entry["name"])
         for kind, folder, suffix in (
             ("fmu", "fmus/fmi2", ".fmu"),
             ("system", "systems", ".toml"),
@@ -176,15 +195,15 @@ def _texts(value: object) -> Iterator[str]:
             yield from _texts(item)
 
 
-def _model_of_point(file: Path) -> str:
-    """Return the name of the model whose operating point a file holds, by its beginning; empty: it holds none."""
+def _record_in(file: Path) -> tuple[str, str]:
+    """Return the command that wrote a file and the name of its model, by its beginning; empty: it is no record."""
     try:
         with file.open("rb") as stream:
             begin = stream.read(_BEGINNING).decode("utf-8", "replace")
     except OSError:
-        return ""
-    match = _MODEL.search(begin)
-    return str(json.loads(match[1])) if match and _TRIM.search(begin) else ""
+        return "", ""
+    command, model = _COMMAND.search(begin), _MODEL.search(begin)
+    return command[1] if command else "", str(json.loads(model[1])) if model else ""
 
 
 def has_envelope(text: str) -> bool:
@@ -195,17 +214,26 @@ def has_envelope(text: str) -> bool:
         return False
 
 
+def data_suffixes() -> Collection[str]:
+    """Return the suffixes of recorded data that are not text."""
+    from workbench.data.experiment.formats import READERS  # noqa: PLC0415 - NumPy, which `ui --help` does without
+
+    return READERS.keys()
+
+
+_KINDS = {".fmu": "fmu", ".ssp": "system", ".mo": "modelica", ".csv": "data", ".tsv": "data"}
+
+
 def kind_of(file: Path) -> str:
     """Return what a file is to the workbench; empty: nothing."""
+    suffix = file.suffix.lower()
     if file.name == FILE_NAME:
         return "store"
-    suffix = file.suffix.lower()
-    if suffix in {".fmu", ".ssp"}:
-        return "fmu" if suffix == ".fmu" else "system"
     if suffix == ".json":
-        return "point" if _model_of_point(file) else ""
+        command, model = _record_in(file)
+        return "" if not command else "record" if command != "trim" else "point" if model else ""
     if suffix != ".toml":
-        return ""
+        return _KINDS.get(suffix, "data" if suffix in data_suffixes() else "")
     try:
         keys = from_toml(file.read_text(encoding="utf-8"))
     except (OSError, ValueError):

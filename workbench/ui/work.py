@@ -7,15 +7,14 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from typing import Any
 
-from workbench.commands import request_of
 from workbench.core.machine.scratch import scratch
 from workbench.core.records.record import plain
 from workbench.errors import WorkbenchError
 from workbench.requests.origin import Origin
 from workbench.show.facts import is_choice
 from workbench.show.result import write_report
-from workbench.ui.forms import without_flags
-from workbench.ui.kept import Drawer, origin_from_json, origin_to_json
+from workbench.ui.forms import kind_named, without_flags
+from workbench.ui.kept import Drawer, origin_from_json, origin_to_json, restorable
 from workbench.ui.page import sections_told
 from workbench.ui.reports import Drawings
 
@@ -58,7 +57,7 @@ class Work:
 
     def __init__(self, number: int, command: str, subject: Sequence[str]) -> None:
         self.number, self.command, self.subject = number, command, tuple(subject)
-        self.kind = request_of(command)
+        self.kind = kind_named(command)
         self.name = ""
         self.given: Mapping[str, Any] = {}
         self.aside = False
@@ -112,6 +111,14 @@ class Work:
         if self._record is None and self.drawer is not None and not self.open:
             self._record = self.drawer.record()
         return self._record
+
+    @property
+    def told(self) -> dict[str, Any] | None:
+        """The record ready for JSON, also where it cannot be read back; None: there is none."""
+        record = self.record
+        if record is not None:
+            return dict(plain(record.to_dict()))
+        return None if self.drawer is None or self.open else self.drawer.told()
 
     @property
     def points(self) -> list[dict[str, Any]]:
@@ -174,9 +181,18 @@ class Work:
             drawings: makes them.
         """
         if self._sections is None:
-            self._sections = drawings.ask(lambda: json.dumps(sections_told(self.record)).encode())
+            self._sections = drawings.ask(self._told_sections)
             self.report(drawings)  # whoever looks at the one may want the other
         return self._sections
+
+    def _told_sections(self) -> bytes:
+        kept = None if self.drawer is None else self.drawer.sections()
+        if kept is not None:
+            return kept
+        page = json.dumps(sections_told(self.record)).encode()
+        if self.drawer is not None and not restorable(self.record):
+            self.drawer.write_sections(page)
+        return page
 
     def rename(self, name: str) -> None:
         """Give it a name.

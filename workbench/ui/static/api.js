@@ -2,7 +2,7 @@
 
 import { say } from "./dom.js";
 
-export const server = { version: "", folder: "", files: [], palette: [], forms: {}, works: new Map() };
+export const server = { version: "", folder: "", files: [], palette: [], forms: {}, fileForms: {}, works: new Map() };
 
 const listeners = new Set();
 
@@ -161,6 +161,7 @@ export async function connect() {
   const start = await get("/api/start");
   Object.assign(server, { version: start.version, folder: start.folder, files: start.files, palette: start.palette });
   server.forms = Object.fromEntries(start.forms.map((f) => [f.command, f]));
+  server.fileForms = Object.fromEntries(start.file_forms.map((f) => [f.command, f]));
   server.works.clear();
   await Promise.all(start.works.map(async (w) => {
     known(w);

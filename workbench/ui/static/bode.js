@@ -4,7 +4,8 @@ import { done, server } from "./api.js";
 import { fill, h, menu, save, say, wrongs } from "./dom.js";
 import { between, bode, decibels, extent, shown, wrapped } from "./numbers.js";
 import { onOverlays, overlaid } from "./overlays.js";
-import { Plot, colour, legend, ramp } from "./plot.js";
+import { legend } from "./legend.js";
+import { Plot, colour, ramp } from "./plot.js";
 import { pointOf } from "./point.js";
 
 const FINE = 2; // pixels of a saved image for each of the page

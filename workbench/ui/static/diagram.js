@@ -13,6 +13,7 @@ function s(tag, properties, ...children) {
   return element;
 }
 
+const BLOCK = "text/x-block"; // what is dragged: the kind of a block
 const drafts = new Map(); // page → text that was not written yet
 
 export async function diagramPage([name, plant]) {
@@ -23,6 +24,7 @@ export async function diagramPage([name, plant]) {
   const place = h("div", { class: "drawing", tabIndex: 0, role: "region", "aria-label": "Diagram" });
   const parts = h("div");
   const wrong = h("p", { id: "toml-wrong", class: "bad", role: "status" });
+  const chosen = { wire: null }; // input whose wire takes the next block
   const known = new Map(); // model → what `info` says of it
   let asked = 0;
   let before = Promise.resolve();
@@ -57,15 +59,27 @@ export async function diagramPage([name, plant]) {
         if (mine === asked) show(system);
       }, () => {});
     }
-    fill(place, picture(system, known, (from, to) => {
+    if (!system.connections.some(({ to }) => to === chosen.wire)) chosen.wire = null;
+    fill(place, picture(system, known, chosen, (from, to) => {
       say(`${from} → ${to}`);
       draw("connect", from, to);
-    }));
+    }, (kind, to) => put(kind, to)));
     const open = parts.querySelector("details")?.open ?? false;
     fill(parts, partsOf(system, draw, open));
   }
+  /** Put a block into the wire to an input, or anywhere. */
+  function put(kind, to = chosen.wire) {
+    chosen.wire = null;
+    draw(...(to ? ["insert", kind, to] : ["add", kind]));
+  }
+  place.addEventListener("dragover", (event) => event.dataTransfer.types.includes(BLOCK) && event.preventDefault());
+  place.addEventListener("drop", (event) => {
+    if (event.defaultPrevented) return; // a wire has taken it
+    event.preventDefault();
+    put(event.dataTransfer.getData(BLOCK), null);
+  });
   const add = server.palette.map(([group, kinds]) => h("div", { class: "group", role: "group", "aria-label": group }, h("span", { class: "dim" }, group),
-    kinds.map((kind) => h("button", { type: "button", class: "quiet", onclick: () => draw("add", kind) }, `+ ${kind.replaceAll("_", " ")}`))));
+    kinds.map((kind) => h("button", { type: "button", class: "quiet", draggable: true, title: "Drop it into a wire, or choose a wire and click", ondragstart: (event) => event.dataTransfer.setData(BLOCK, kind), onclick: () => put(kind) }, `+ ${kind.replaceAll("_", " ")}`))));
   const keep = async () => {
     if (!(await write(file.value, area.value))) return;
     drafts.delete(key);
@@ -82,7 +96,7 @@ export async function diagramPage([name, plant]) {
   return {
     title: name === "new" ? "New system" : name,
     element: h("div", {}, h("h1", {}, name === "new" ? `A loop around ${plant}` : name),
-      h("p", { class: "dim" }, "Click an output, then an input, to connect them. The file at the bottom is the system; the picture shows it."),
+      h("p", { class: "dim" }, "Click an output, then an input, to connect them; drop a block into a wire, or click the wire and then the block. The file at the bottom is the system; the picture shows it."),
       h("div", { class: "palette", role: "toolbar", "aria-label": "Blocks" }, add), place, parts,
       h("label", { for: "toml" }, h("h2", {}, "System file")), h("p", { id: "toml-help", class: "help dim" }, "This is all of the system; paths are relative to the file. The page on system files in the documentation lists every key."), area, wrong,
       h("div", { class: "row" }, h("label", { for: "file" }, "File"), file, h("button", { type: "button", onclick: keep }, "Write and measure the loop"))),
@@ -143,7 +157,7 @@ const LEAST = 0.7; // of its size, below which the picture scrolls
 const FEW = 8; // ports of a model that are drawn unconnected
 const GAP = 90, ROW = 22, SIDE = 120;
 
-function picture(system, known, onconnect) {
+function picture(system, known, chosen, onconnect, onput) {
   const all = ports(system, known);
   const names = Object.keys(all);
   const labels = Object.fromEntries(system.components.map(({ name, label }) => [name, brief(label)]));
@@ -179,12 +193,23 @@ function picture(system, known, onconnect) {
     if (!a || !b) return null;
     const d = b.x > a.x ? `M${a.x} ${a.y}C${a.x + GAP / 2} ${a.y} ${b.x - GAP / 2} ${b.y} ${b.x} ${b.y}`
       : `M${a.x} ${a.y}h${18 + 4 * i}V${back + 8 * i}H${b.x - 18 - 4 * i}V${b.y}H${b.x}`;
-    const path = s("path", { class: "wire", d });
-    path.append(s("title", {}, `${from} → ${to} ${more}`.trim()));
+    const path = s("g", { class: "wire", tabindex: 0, role: "button", "aria-pressed": String(chosen.wire === to), "aria-label": `wire from ${from} to ${to}` }, s("path", { class: "reach", d }), s("path", { d }), s("title", {}, `${from} → ${to} ${more}`.trim()));
+    const press = () => {
+      chosen.wire = chosen.wire === to ? null : to;
+      for (const wire of svg.querySelectorAll(".wire")) wire.setAttribute("aria-pressed", String(wire === path && chosen.wire === to));
+      if (chosen.wire) say("The next block goes into this wire.");
+    };
+    path.addEventListener("click", press);
+    path.addEventListener("keydown", (event) => (event.key === "Enter" || event.key === " ") && (event.preventDefault(), press()));
+    for (const [kind, over] of [["dragover", true], ["dragleave", false]]) path.addEventListener(kind, (event) => event.dataTransfer.types.includes(BLOCK) && (event.preventDefault(), path.classList.toggle("over", over)));
+    path.addEventListener("drop", (event) => {
+      event.preventDefault();
+      onput(event.dataTransfer.getData(BLOCK), to);
+    });
     if (more) notes.push(s("text", { class: "edge", x: (a.x + b.x) / 2, y: (b.x > a.x ? (a.y + b.y) / 2 : back + 8 * i) - 6, "text-anchor": "middle" }, more));
     return path;
   }).filter(Boolean);
-  let chosen = null;
+  let output = null; // that was clicked
   const svg = s("svg", { class: "diagram", viewBox: `0 0 ${Math.max(whole, 400)} ${back + 8 * system.connections.length + 16}`, role: "group", "aria-label": "Diagram of the system" }, ...paths, ...notes);
   [svg.style.minWidth, svg.style.maxWidth] = [`${LEAST * whole}px`, `${whole}px`]; // smaller it cannot be read
   for (const { name, what } of system.components) {
@@ -199,9 +224,9 @@ function picture(system, known, onconnect) {
         const dot = s("circle", { class: "port", cx: p.x, cy: p.y, r: 7, tabindex: 0, role: "button", "aria-label": `${way === "in" ? "input" : "output"} ${full}` });
         const press = () => {
           if (way === "out") {
-            chosen = full;
+            output = full;
             say(`From ${full}: now choose an input.`);
-          } else if (chosen) onconnect(chosen, full);
+          } else if (output) onconnect(output, full);
           else say("Choose an output first.");
         };
         dot.addEventListener("click", press);

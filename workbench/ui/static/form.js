@@ -7,30 +7,32 @@ import { range, withPicker } from "./picker.js";
 const FIRST = 5; // fields that stand open; the others are under headings
 // Option → names that it takes.
 const NAMES = {
-  at: "files", open: "loops", input: "inputs", output: "measured", inputs: "inputs", outputs: "measured", source: "measured", target: "inputs",
-  block: "components", limiter: "components", attitude: "measured", watch: "measured", second: "inputs", free: "inputs", u0: "inputs", bias: "inputs",
-  signals: "inputs", x0: "states", floating: "states", dx: "states", du: "inputs", start_values: "parameters", vary: "all", over: "all", fix: "all", bound: "all",
+  at: "points", data: "data", validation: "data", also: "data", lin: "lin", nfr: "nfr", open: "loops", input: "inputs", output: "measured", inputs: "inputs", outputs: "measured", source: "measured", target: "inputs",
+  block: "components", limiter: "components", attitude: "measured", watch: "measured", second: "inputs", u0: "inputs", bias: "inputs",
+  signals: "inputs", x0: "states", floating: "states", dx: "states", du: "inputs", start_values: "parameters", free: "inputs", vary: "all", over: "all", fix: "all", bound: "all",
 };
 const FILLED = ["open", "input", "output", "inputs", "outputs"]; // with the first name that there is, where one is needed
 const IN_UNITS = { amplitudes: "input", amplitude: "input" }; // a field in the unit of the variable that another names
 
 /**
  * The fields of a form, with values; `facts` (of `info`) gives names to choose from and units.
- * The object has `element`, `values()`, `set(name, value)` and `wrong({name: message})`.
+ * Fields to `skip` are filled elsewhere. The object has `element`, `values()`, `set(name, value)` and `wrong({name: message})`.
  */
 export class Form {
-  constructor(form, facts, { values = {}, files = [] } = {}) {
+  constructor(form, facts, { values = {}, files = {}, skip = [] } = {}) {
     this.inputs = new Map();
+    this.flags = new Map(form.fields.map((f) => [f.name, f.flag]));
     this.facts = facts;
     const { inputs = [], outputs = [], states = [], parameters = [], connections = [], components = [] } = facts ?? {};
     const plain = (names) => names.map((name) => ({ name }));
     this.names = {
-      files: plain(files), loops: plain(sourcesInLoops(connections)), components: plain(components.map((c) => c.name)), inputs, states, parameters,
+      ...Object.fromEntries(Object.entries(files).map(([kind, names]) => [kind, plain(names)])), loops: plain(sourcesInLoops(connections)), components: plain(components.map((c) => c.name)), inputs, states, parameters,
       measured: unique([...outputs, ...states]), all: unique([...parameters, ...inputs, ...states, ...outputs]),
     };
     const groups = new Map();
-    const first = form.fields.filter((f) => !f.group && f.kind !== "switch").slice(0, FIRST);
-    for (const field of form.fields) {
+    const fields = form.fields.filter((f) => !skip.includes(f.name));
+    const first = fields.filter((f) => !f.group && f.kind !== "switch").slice(0, FIRST);
+    for (const field of fields) {
       const group = field.required || first.includes(field) ? "" : field.group || "More";
       if (!groups.has(group)) groups.set(group, []);
       groups.get(group).push(this.field(field, values[field.name]));
@@ -62,13 +64,13 @@ export class Form {
     const help = h("p", { class: "help", id: `${id}-help`, title: field.flag }, field.kind === "list" ? `${field.help} One a line.` : field.help);
     const wrong = h("p", { class: "wrong", id: `${id}-wrong`, hidden: true });
     const own = { id, "aria-describedby": `${id}-help ${id}-wrong`, "aria-required": field.required || null };
-    const names = this.names[NAMES[field.name]] ?? [];
+    const names = this.names[field.name === "free" && field.kind === "list" ? "parameters" : NAMES[field.name]] ?? []; // calibrate's
     const start = value ?? (field.required && FILLED.includes(field.name) ? names[0]?.name : null);
     let input;
     if (field.kind === "switch") {
       input = h("input", { ...own, type: "checkbox", checked: value ?? Boolean(field.default) });
     } else if (field.kind === "choice") {
-      input = h("select", own, field.choices.map((c) => h("option", { value: c, selected: c === (value ?? field.default) }, c)));
+      input = h("select", own, field.required || field.default ? null : h("option", { value: "" }, "–"), field.choices.map((c) => h("option", { value: c, selected: c === (value ?? field.default) }, c)));
     } else if (field.kind === "list") {
       input = h("textarea", { ...own, rows: 1, value: [].concat(start ?? []).join("\n"), placeholder: field.default || field.sample });
     } else {
@@ -88,13 +90,13 @@ export class Form {
   }
 
   /** The command that does the same, as far as it is filled in; what ran is told by the server, in full. */
-  line(command, subject) {
+  line(command, subject, values = this.values()) {
     const words = [];
-    for (const [name, value] of Object.entries(this.values())) {
-      const { flag } = this.inputs.get(name).field;
+    for (const [name, value] of Object.entries(values)) {
+      const flag = this.flags.get(name);
       for (const text of [].concat(value)) words.push(text === true ? flag : text === false ? flag.replace("--", "--no-") : `${flag}=${quoted(text)}`);
     }
-    return ["workbench", command, quoted(subject), ...words].join(" ");
+    return ["workbench", ...command, quoted(subject), ...words].join(" ");
   }
 
   values() {

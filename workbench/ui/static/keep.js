@@ -1,10 +1,9 @@
 // A session as a study file; texts that are written into the folder.
 
-import { begin, get, lookAgain, post, server } from "./api.js";
-import { code, h, save, say, wrongs } from "./dom.js";
+import { get, lookAgain, post, server } from "./api.js";
+import { code, h, save, say } from "./dom.js";
 
-export async function keepPage([name]) {
-  if (name) return studyPage(name);
+export async function keepPage() {
   const text = await get("/api/study.toml");
   if (!text) {
     return {
@@ -24,27 +23,10 @@ export async function keepPage([name]) {
   };
 }
 
-async function studyPage(name) {
-  const { text, envelope } = await get(`/api/text?name=${encodeURIComponent(name)}`);
-  const run = async () => {
-    try {
-      location.hash = `#/run/${(await begin("envelope", name, {})).number}`;
-    } catch (error) {
-      say(wrongs(error), true);
-    }
-  };
-  return {
-    title: name,
-    element: h("div", {}, h("h1", {}, name),
-      envelope ? h("div", { class: "row" }, h("button", { type: "button", onclick: run }, "Run the envelope"), h("span", { class: "dim" }, "Finished analyses are kept beside the study; it goes on where it stood.")) : h("p", {}, "A study runs in a terminal or in CI:"),
-      code(`workbench run ${name}`, envelope ? "The same in a terminal" : "Run it"), code(text, "What it says")),
-  };
-}
-
-/** Write a text into the folder; ask before a file is replaced. */
-export async function write(name, text) {
+/** Write a text into the folder; ask before a file is replaced, unless it still is what it `was`. */
+export async function write(name, text, was = null) {
   try {
-    await post("/api/text", { name, text });
+    await post("/api/text", { name, text, ...(was === null ? {} : { was }) });
   } catch (error) {
     if (error.status !== 409) {
       say(error.message, true);

@@ -3,11 +3,14 @@
 import { connect, lookAgain, onChange, server } from "./api.js";
 import { fill, h, say } from "./dom.js";
 import { comparePage } from "./compare.js";
+import { buildPage } from "./build.js";
+import { dataPage } from "./data.js";
 import { diagramPage } from "./diagram.js";
 import { keepPage } from "./keep.js";
 import { modelPage, runPage } from "./model.js";
 import { recolour } from "./plot.js";
 import { fillRail, mark } from "./rail.js";
+import { studyPage } from "./study.js";
 import { tunePage } from "./tune.js";
 
 const main = document.getElementById("main");
@@ -16,7 +19,8 @@ let leave = null;
 const PATIENCE = 300; // so long the page before is shown [ms]
 
 /** Address → page; a page is a function of the rest of the address that returns {element, title, leave?}. */
-const PAGES = { open: modelPage, run: runPage, compare: comparePage, keep: keepPage, system: diagramPage, tune: tunePage };
+const PAGES = { open: modelPage, run: runPage, compare: comparePage, keep: keepPage, system: diagramPage, tune: tunePage, build: buildPage };
+const OF_KIND = { store: comparePage, study: studyPage, data: dataPage, modelica: buildPage, record: buildPage };
 
 async function show() {
   const [name, ...rest] = location.hash.replace(/^#\/?/, "").split("/").map(decodeURIComponent);
@@ -26,7 +30,7 @@ async function show() {
   const waits = setTimeout(() => fill(main, h("p", { class: "dim", role: "status" }, "Opening …")), PATIENCE);
   try {
     const kind = name === "open" ? server.files.find((f) => f.name === rest[0])?.kind : null;
-    const make = { store: comparePage, study: keepPage }[kind] ?? PAGES[name];
+    const make = OF_KIND[kind] ?? PAGES[name];
     const page = make ? await make(rest) : welcome();
     if (location.hash !== asked) {
       page.leave?.();
@@ -108,7 +112,7 @@ async function begin() {
   onChange((work, event) => {
     if (event.event === "state" && work.has_record && !work.aside) lookAgain().catch(() => {}); // a store may be new
     if (event.event === "state" && work.state === "failed" && !work.aside) say(`${work.command}: ${work.failure?.message ?? "failed"}`, true);
-    if (event.event === "removed" && location.hash === `#/run/${work.number}`) location.hash = work.subject.length === 1 ? `#/open/${encodeURIComponent(work.subject[0])}/measure/${work.command}` : "#/";
+    if (event.event === "removed" && location.hash === `#/run/${work.number}`) location.hash = work.subject.length !== 1 ? "#/" : `#/open/${encodeURIComponent(work.subject[0])}${server.forms[work.command] ? `/measure/${work.command}` : ""}`;
   });
   addEventListener("pointerdown", (event) => {
     for (const open of document.querySelectorAll("details.menu[open]")) if (!open.contains(event.target)) open.open = false;

@@ -25,20 +25,49 @@ export function whyNot(form, known) {
   return "";
 }
 
-/** A form, and beside it what it gave last, or the run of a number. */
+/** The form of an analysis of a model, and beside it what it gave last, or the run of a number. */
 export async function measure(name, known, content, [command, number = null]) {
   const form = server.forms[command];
   if (!form) throw new Error(`there is no analysis ${command}`);
   const why = whyNot(form, known);
+  const themes = new Map();
+  for (const f of Object.values(server.forms)) if (f === form || !whyNot(f, known)) themes.set(f.theme, [...(themes.get(f.theme) ?? []), f]);
+  const choose = h("select", { id: "command", onchange: () => { location.hash = address(name, "measure", choose.value); } },
+    [...themes].map(([theme, forms]) => h("optgroup", { label: theme }, forms.map((f) => h("option", { value: f.command, selected: f === form }, `${f.question} (${f.command})`)))));
+  return asked({
+    name, known, content, form, number, why,
+    above: [h("div", { class: "field" }, h("label", { for: "command" }, "What do you want to know?"), choose, h("p", { class: "help" }, form.help)), why ? h("p", { class: "watch" }, `Not for this model: ${why}.`) : null],
+  });
+}
+
+/** Fill the form of an analysis in, for when it is opened. */
+export function prefill(name, command, values) {
+  asking.set(`${name} ${command}`, values);
+}
+
+/** Files that fields name: data, kept points of a model, results of other analyses. */
+function filesFor(known) {
+  const of = (kind, command = null) => server.files.filter((f) => f.kind === kind && (!command || f.command === command)).map((f) => f.name);
+  return { points: keptPoints(known), data: of("data"), lin: of("record", "lin"), nfr: of("record", "nfr") };
+}
+
+/**
+ * A form, and beside it what it gave last, or the run of a number. `above`: what stands over its fields, `beside` over
+ * the result; `verb`: what its button says; `more` returns values beside those of its fields, in place of those that it is to `skip`; `usual`: values
+ * to begin with. What it returns has `changed`, to be called when `more` has.
+ */
+export function asked({ name, known, content, form, number = null, why = "", above = [], beside = null, verb = `Run ${form.command}`, more = () => ({}), skip = [], usual = {} }) {
+  const { command } = form;
   const key = `${name} ${command}`;
   const place = h("section", { class: "result", "aria-label": "Result" });
   const last = number === null ? [...server.works.values()].filter((w) => w.command === command && w.subject[0] === name && !w.aside).pop() : server.works.get(number);
-  const fields = new Form(form, known, { values: (number === null ? asking.get(key) : null) ?? last?.asked ?? {}, files: keptPoints(known) });
-  const run = h("button", { type: "submit", disabled: Boolean(why) }, `Run ${command}`);
+  const fields = new Form(form, known, { skip, values: { ...usual, ...((number === null ? asking.get(key) : null) ?? last?.asked ?? {}) }, files: filesFor(known) });
+  const run = h("button", { type: "submit", disabled: Boolean(why) }, verb);
   const preview = h("code", { class: "preview" });
+  const values = () => ({ ...fields.values(), ...more() });
   const changed = () => {
-    asking.set(key, fields.values());
-    preview.textContent = preview.title = fields.line(command, name);
+    asking.set(key, values());
+    preview.textContent = preview.title = fields.line(form.words, name, values());
   };
   let shownWork = null;
   let watched = null;
@@ -75,7 +104,7 @@ export async function measure(name, known, content, [command, number = null]) {
     fields.wrong({});
     run.disabled = true;
     try {
-      const work = await begin(command, name, fields.values());
+      const work = await begin(command, name, values());
       watch(work.number);
       place.scrollIntoView({ block: "nearest" });
       if (place.getBoundingClientRect().top < 0) place.scrollIntoView({ block: "start" });
@@ -88,12 +117,8 @@ export async function measure(name, known, content, [command, number = null]) {
   function nothing() {
     shownWork?.leave();
     shownWork = null;
-    fill(place, h("p", { class: "dim empty" }, form.counts === "points" ? "Points appear here while they are measured." : "The result appears here.", " Fields with * are needed."));
+    fill(place, h("p", { class: "dim empty" }, form.counts === "points" && server.forms[command] ? "Points appear here while they are measured." : "The result appears here.", " Fields with * are needed."));
   }
-  const themes = new Map();
-  for (const f of Object.values(server.forms)) if (f === form || !whyNot(f, known)) themes.set(f.theme, [...(themes.get(f.theme) ?? []), f]);
-  const choose = h("select", { id: "command", onchange: () => { location.hash = address(name, "measure", choose.value); } },
-    [...themes].map(([theme, forms]) => h("optgroup", { label: theme }, forms.map((f) => h("option", { value: f.command, selected: f === form }, `${f.question} (${f.command})`)))));
   const columns = h("div", { class: "columns", "data-form": folded ? "folded" : "open" });
   const fold = h("button", { type: "button", class: "quiet", "aria-expanded": String(!folded), onclick: () => {
     folded = !folded;
@@ -105,14 +130,12 @@ export async function measure(name, known, content, [command, number = null]) {
     h("form", { onsubmit: (event) => { event.preventDefault(); submit(); }, oninput: changed, noValidate: true },
       h("div", { class: "go" }, run, fold),
       h("div", { class: "asked-for" },
-        h("div", { class: "field" }, h("label", { for: "command" }, "What do you want to know?"), choose, h("p", { class: "help" }, form.help)),
-        why ? h("p", { class: "watch" }, `Not for this model: ${why}.`) : null,
-        fields.element, h("p", { class: "help" }, "The same in a terminal:"), preview)),
-    place));
+        above, fields.element, h("p", { class: "help" }, "The same in a terminal:"), preview)),
+    h("div", { class: beside ? "looked-at" : "" }, beside, place)));
   changed();
   if (last) watch(last.number);
   else nothing();
-  return { leave: () => { shownWork?.leave(); end?.(); } };
+  return { changed, leave: () => { shownWork?.leave(); end?.(); } };
 }
 
 let folded = false; // the form, on every page

@@ -1,11 +1,14 @@
 // A model: what can be asked of it, what it is, and whether it is sound.
 
 import { begin, factsOf, onChange, server, whole } from "./api.js";
+import { buildPage } from "./build.js";
+import { dataPage } from "./data.js";
 import { code, fill, h } from "./dom.js";
 import { address, measure, whyNot } from "./measure.js";
 import { shown, unitShown } from "./numbers.js";
 import { operatingPoint } from "./operating.js";
 import { range } from "./picker.js";
+import { studyPage } from "./study.js";
 import { workPage } from "./work.js";
 
 const TABS = [["card", "Model"], ["point", "Operating point"]];
@@ -25,8 +28,8 @@ export async function modelPage([name, tab = "card", ...rest]) {
 
 /** What stands above every page of a model. */
 export function head(name, known, here) {
-  const tabs = [...TABS, ...(known.components ? [["diagram", "Diagram"], ["tune", "Tune"]] : [["loop", "Close a loop"]])];
-  const to = (id) => ({ tune: `#/tune/${encodeURIComponent(name)}`, diagram: `#/system/${encodeURIComponent(name)}`, loop: `#/system/new/${encodeURIComponent(name)}` })[id] ?? address(name, id);
+  const tabs = [...TABS, ...(known.components ? [["diagram", "Diagram"], ["tune", "Tune"], ["build", "Make an FMU"]] : [["loop", "Close a loop"]])];
+  const to = (id) => ({ tune: `#/tune/${encodeURIComponent(name)}`, build: `#/build/${encodeURIComponent(name)}`, diagram: `#/system/${encodeURIComponent(name)}`, loop: `#/system/new/${encodeURIComponent(name)}` })[id] ?? address(name, id);
   return h("div", { class: "head" }, h("h1", {}, known.model), h("span", { class: "dim clip", title: known.description ?? name }, known.description ?? name),
     h("nav", { class: "tabs", "aria-label": "Of this model" }, tabs.map(([id, label]) => h("a", { href: to(id), "aria-current": id === here ? "page" : null }, label))));
 }
@@ -34,6 +37,8 @@ export function head(name, known, here) {
 /** A run, with the form that asks it again. */
 export async function runPage([number]) {
   const work = server.works.get(Number(number)) ?? (await whole(Number(number)));
+  const page = { identify: dataPage, fit: dataPage, run: studyPage, envelope: studyPage, build: buildPage, export: buildPage, compile: buildPage }[work.command];
+  if (work.subject.length === 1 && page && server.files.some((f) => f.name === work.subject[0])) return page([work.subject[0], Number(number)]);
   if (work.subject.length !== 1 || !server.forms[work.command]) return workPage([number]);
   try {
     await factsOf(work.subject[0]);
@@ -78,7 +83,7 @@ async function card(name, known, content) {
     look();
     return { leave: end };
   }
-  fill(health, h("p", {}, known.components ? `${known.components.length} components, ${known.connections.length} connections` : "It cannot run here."));
+  fill(health, h("p", {}, known.components ? `${known.components.length} components, ${known.connections.length} connections` : "It cannot run here."), known.components ? null : h("p", {}, h("a", { class: "button", href: `#/build/${encodeURIComponent(name)}` }, "Compile its sources for this machine")));
   return null;
 }
 

@@ -2,18 +2,19 @@
 
 import { code, fill, h, table, told } from "./dom.js";
 import { modesOf } from "./modes.js";
-import { Plot, colour, legend } from "./plot.js";
+import { legend } from "./legend.js";
+import { Plot, colour } from "./plot.js";
 
-/** Sections of a page; where the first one's picture is drawn elsewhere, what stands beside frequencies or time there is left out. */
-export function sectionsOf({ facts, sections, modes, wrong }, pictured) {
-  const made = sections.map((s, i) => section(pictured && i === 0 ? { ...s, pictures: s.pictures.map((p) => rest(p, modes.length)).filter(Boolean) } : s, 2)).filter(Boolean);
+/** Sections of a page; where the first one's picture is drawn elsewhere, what stands beside frequencies or, unless it is to be `timed`, time there is left out. */
+export function sectionsOf({ facts, sections, modes, wrong }, pictured, timed = false) {
+  const made = sections.map((s, i) => section(pictured && i === 0 ? { ...s, pictures: s.pictures.map((p) => rest(p, timed || modes.length)).filter(Boolean) } : s, 2)).filter(Boolean);
   const known = facts.filter(([name]) => !["command", "call"].includes(name));
   return [wrong ? h("p", { class: "watch" }, wrong) : null, modes.length ? modesOf(modes) : null, ...made, known.length ? folded("Settings", [h("dl", {}, known.flatMap(([k, v]) => [h("dt", {}, k), h("dd", {}, v)]))]) : null];
 }
 
 /** The panels of a picture that a Bode picture or time histories do not show; null: none. */
-function rest({ words, panels, svg }, modal) {
-  const others = (panels ?? []).filter((p) => !/^frequency/.test(p.x.label) && (modal || !/^time/.test(p.x.label)));
+function rest({ words, panels, svg }, timed) {
+  const others = (panels ?? []).filter((p) => !/^frequency/.test(p.x.label) && (timed || !/^time/.test(p.x.label)));
   return svg || !others.length ? null : { words, panels: others };
 }
 
@@ -85,9 +86,9 @@ export function histories({ time, signals, units }, height = null) {
 }
 
 /** Fill a place with the sections of a page as soon as the server has them. */
-export async function withSections(place, page, pictured) {
+export async function withSections(place, page, pictured, timed = false) {
   try {
-    fill(place, sectionsOf(await page, pictured));
+    fill(place, sectionsOf(await page, pictured, timed));
   } catch (error) {
     fill(place, h("p", { class: "bad" }, error.message));
   }

@@ -76,11 +76,11 @@ export class SvgPen {
     const dashed = dash.length ? ` stroke-dasharray="${dash.join(" ")}"` : "";
     this.parts.push(`<path d="${d}" fill="${fill ?? "none"}" stroke="${stroke ?? "none"}" stroke-width="${width}" stroke-linejoin="round"${dashed}/>`);
   }
-  text(words, x, y, { colour: ink, align = "center", size = 12, turned = false }) {
+  text(words, x, y, { colour: ink, align = "center", size = 12, turned = false, ground = null }) {
     const anchor = { center: "middle", left: "start", right: "end" }[align];
     const safe = String(words).replace(/[<>&"]/g, (c) => `&#${c.charCodeAt(0)};`);
     const turn = turned ? ` transform="rotate(-90 ${x} ${y})"` : "";
-    this.parts.push(`<text x="${x}" y="${y}" fill="${ink}" font-size="${size}" text-anchor="${anchor}" dominant-baseline="central"${turn}>${safe}</text>`);
+    this.parts.push(`<text x="${x}" y="${y}" fill="${ink}" font-size="${size}" text-anchor="${anchor}" dominant-baseline="central"${turn}${ground ? ` stroke="${ground}" stroke-width="4" stroke-linejoin="round" paint-order="stroke"` : ""}>${safe}</text>`);
   }
   toString() {
     const [w, hgt] = this.size;

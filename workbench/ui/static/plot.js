@@ -1,10 +1,11 @@
 // Pictures of curves: drawn on a canvas, or with the same strokes into an SVG file. Curves may fold back (branches).
 
+import { placed } from "./labels.js";
 import { extent, nearest, shown, ticks } from "./numbers.js";
 import { h } from "./dom.js";
 import { CanvasPen, SvgPen } from "./pens.js";
 
-const LEFT = 68, RIGHT = 14, TOP = 10, BOTTOM = 40, BARE = 22, TOUCH = 28, LOWEST = 150;
+const LEFT = 68, RIGHT = 14, TOP = 10, BOTTOM = 40, BARE = 22, TOUCH = 28, GRIP = 12, LOWEST = 150;
 
 /** Colours of curves, each legible on light and on dark ground: names of the style sheet. */
 export function colour(number) {
@@ -20,8 +21,11 @@ export function ramp(rank, count) {
 
 const FAINT = "38"; // how much of a curve is left beside the one that stands out, as the end of its colour
 
+const inks = new Map(); // colours of the theme by their names: asking the page for each stroke takes longer than to draw it
+
 /** Draw all pictures again, in the colours of the theme. */
 export function recolour() {
+  inks.clear();
   for (const canvas of document.querySelectorAll("canvas.plot")) canvas.dispatchEvent(new Event("recolour"));
 }
 
@@ -35,10 +39,11 @@ export class Plot {
   /**
    * `height` [pixel], or a share of the window's. `chosen`: a band that was drawn, which stays in sight; null: none.
    * `extra`: {areas, texts, notes} behind and beside the curves, see `panels_of`; a note {x, y, to?, text} marks a value.
-   * `lit`: number of the curve that stands out; null: none. `ondrag(x, y, moving)`: a handle that is dragged.
+   * `lit`: number of the curve that stands out; null: none. `handles`: [{x, y, mark, label}] that are
+   * dragged: `ondrag(handle, x, y, last)`.
    */
-  constructor({ x, y, label, height = 260, equal = false, onpick = null, onband = null, onmove = null, quiet = false }) {
-    Object.assign(this, { x, y, size: height, equal, onpick, onband, onmove, curves: [], lines: [], extra: {} });
+  constructor({ x, y, label, height = 260, equal = false, onpick = null, onband = null, onmove = null, ondrag = null, quiet = false }) {
+    Object.assign(this, { x, y, size: height, equal, onpick, onband, onmove, ondrag, curves: [], lines: [], extra: {}, handles: [] });
     this.view = null;
     this.cursor = null;
     this.banding = false;
@@ -158,7 +163,8 @@ export class Plot {
   }
 
   ink(name = "--ink") {
-    return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+    if (!inks.has(name)) inks.set(name, getComputedStyle(document.documentElement).getPropertyValue(name).trim());
+    return inks.get(name);
   }
 
   strokes(pen, live) {
@@ -190,6 +196,7 @@ export class Plot {
         if (!this.hidden.has(curve.label)) this.curve(pen, curve, scale, lit && curve !== lit ? FAINT : "");
       }
       this.notes(pen, scale);
+      this.grips(pen, scale);
       const band = this.band ?? this.chosen?.map(scale.x.at);
       if (live && band) {
         const [a, b] = band;
@@ -217,25 +224,47 @@ export class Plot {
 
   /** Values that are marked: a ring, a bar to another value, and in words what it is. */
   notes(pen, scale) {
-    const taken = [];
-    const [right, top] = [this.width - RIGHT, TOP + 10];
-    for (const { x, y, to, text, colour: name } of this.extra.notes ?? []) {
-      const [px, py] = [scale.x.at(x), scale.y.at(y)];
-      if (!(px >= LEFT && px <= right) || !Number.isFinite(py)) continue;
+    const [right, bottom] = [this.width - RIGHT, this.height - this.foot];
+    const at = ({ x, y }) => ({ x: scale.x.at(x), y: scale.y.at(y) });
+    const seen = (this.extra.notes ?? []).map((n) => ({ ...n, at: at(n) })).filter((n) => n.at.x >= LEFT && n.at.x <= right && Number.isFinite(n.at.y));
+    for (const { at: p, to, colour: name } of seen) {
       const ink = this.ink(name ?? "--ink");
-      if (to !== undefined) pen.path([["M", px, py], ["L", px, scale.y.at(to)]], { stroke: ink, width: 3 });
-      pen.path([["O", px, py, 4]], { stroke: ink, width: 1.5, fill: this.ink("--ground") });
-      if (!text) continue;
-      const wide = 6.6 * text.length;
-      const left = px + 10 + wide > right;
-      let at = Math.min(Math.max(py - 12, top), this.height - this.foot - 10);
-      while (taken.some((t) => Math.abs(t.y - at) < 14 && Math.abs(t.x - px) < wide)) at += 14;
-      taken.push({ x: px, y: at });
-      pen.text(text, left ? px - 9 : px + 9, at, { colour: this.ink(), align: left ? "right" : "left", ground: this.ink("--ground") });
+      if (to !== undefined) pen.path([["M", p.x, p.y], ["L", p.x, scale.y.at(to)]], { stroke: ink, width: 3 });
+      pen.path([["O", p.x, p.y, 4]], { stroke: ink, width: 1.5, fill: this.ink("--ground") });
     }
-    for (const { x, y, text } of this.extra.texts ?? []) {
-      pen.text(text, scale.x.at(x) + 5, scale.y.at(y) - 8, { colour: this.ink("--dim"), align: "left" });
+    const worded = [...seen.filter((n) => n.text).map((n) => ({ ...n.at, text: n.text, ink: "--ink" })), ...(this.extra.texts ?? []).map((t) => ({ ...at(t), text: t.text, ink: "--dim" }))];
+    if (!worded.length) return;
+    const lines = this.curves.filter((c) => !this.hidden.has(c.label)).flatMap((c) => this.pixels(c, scale));
+    for (const n of seen) if (n.to !== undefined) lines.push([[n.at.x, n.at.y], [n.at.x, scale.y.at(n.to)]]);
+    const places = placed(worded, lines, { left: LEFT + 2, right: right - 2, top: TOP + 2, bottom: bottom - 2 });
+    worded.forEach((n, i) => {
+      const { x, y, align, leads } = places[i];
+      if (leads) pen.path([["M", n.x, n.y + 5 * Math.sign(y - n.y)], ["L", x, y - 7 * Math.sign(y - n.y)]], { stroke: this.ink("--dim"), width: 1 });
+      pen.text(n.text, x, y, { colour: this.ink(n.ink), align, ground: this.ink("--ground") });
+    });
+  }
+
+  /** What can be dragged: poles are crosses, zeros rings. */
+  grips(pen, scale) {
+    for (const { x, y, mark } of this.handles) {
+      const [px, py] = [scale.x.at(x), scale.y.at(y)];
+      const own = { stroke: this.ink("--accent"), width: 2.5 };
+      if (mark === "ring") pen.path([["O", px, py, 6]], { ...own, fill: this.ink("--ground") });
+      else if (mark === "cross") pen.path([["M", px - 5, py - 5], ["L", px + 5, py + 5], ["M", px + 5, py - 5], ["L", px - 5, py + 5]], own);
     }
+  }
+
+  /** The handle under a place; null: none. */
+  grip(px, py) {
+    const { x, y } = this.scales();
+    const found = nearest(this.handles.map((g) => ({ x: x.at(g.x), y: y.at(g.y) })), px, py, GRIP);
+    return found === null ? null : this.handles[found];
+  }
+
+  /** A curve as lines of pixels without gaps; of marks alone each by itself. */
+  pixels({ x, y, line }, scale) {
+    const points = x.map((v, i) => [scale.x.at(v), y[i] === null ? NaN : scale.y.at(y[i])]).filter((p) => p.every(Number.isFinite));
+    return line === false ? points.map((p) => [p, p]) : [points];
   }
 
   curve(pen, curve, scale, faint) {
@@ -355,13 +384,19 @@ export class Plot {
     let held = null;
     canvas.addEventListener("recolour", () => this.later());
     canvas.addEventListener("pointerdown", (event) => {
-      held = { x: event.offsetX, y: event.offsetY, from: event.offsetX, moved: false };
+      held = { x: event.offsetX, y: event.offsetY, from: event.offsetX, moved: false, grip: this.ondrag && this.grip(event.offsetX, event.offsetY) };
       canvas.setPointerCapture(event.pointerId);
     });
     canvas.addEventListener("pointermove", (event) => {
       const [x, y] = [event.offsetX, event.offsetY];
       if (!held) {
         this.show(this.near(x, y, 60));
+        if (this.ondrag) canvas.style.cursor = this.grip(x, y) ? "grab" : "";
+        return;
+      }
+      if (held.grip) {
+        held.moved = true;
+        this.drag(held.grip, x, y, false);
         return;
       }
       if (Math.abs(x - held.from) + Math.abs(y - held.y) > 3) held.moved = true;
@@ -372,9 +407,10 @@ export class Plot {
     });
     canvas.addEventListener("pointerup", (event) => {
       const band = this.band;
-      const moved = held?.moved;
+      const { moved, grip } = held ?? {};
       [held, this.band] = [null, null];
-      if (band && band[1] - band[0] > 4) {
+      if (grip && moved) this.drag(grip, event.offsetX, event.offsetY, true);
+      else if (band && band[1] - band[0] > 4) {
         const { x } = this.scales();
         this.onband?.(x.of(band[0]), x.of(band[1]));
       } else if (!moved) this.pick(this.near(event.offsetX, event.offsetY, TOUCH));
@@ -406,6 +442,11 @@ export class Plot {
     });
   }
 
+  drag(grip, px, py, last) {
+    const { x, y } = this.scales();
+    this.ondrag(grip, x.of(px), y.of(py), last);
+  }
+
   beside(step) {
     const { curve = 0, index = step > 0 ? -1 : this.curves[0]?.x.length ?? 0 } = this.here ?? {};
     const c = this.curves[curve];
@@ -431,32 +472,4 @@ export class Plot {
 function said(label, value) {
   const [, name, unit] = label.match(/^(.*?) *(?:\[(.*)\])?$/);
   return `${name} ${shown(value)}${unit && unit !== "1" && unit !== "–" ? ` ${unit}` : ""}`;
-}
-
-/**
- * What the lines mean: a button each, which hides its curve; a pointer over it lets the curve stand out. Where the cursor
- * is, `values` of the element, called with texts by label, stand beside.
- */
-export function legend(curves, plots, onchange = () => {}) {
-  const places = new Map();
-  const list = h("ul", { class: "legend" }, curves.map((c, i) => {
-    const value = h("span", { class: "value" });
-    places.set(c.label, value);
-    const light = (on) => () => { for (const p of plots) { p.lit = on ? i : null; p.later(); } };
-    const hide = (event) => {
-      const away = !plots[0].hidden.has(c.label);
-      for (const p of plots) {
-        p.hidden[away ? "add" : "delete"](c.label);
-        p.later();
-      }
-      event.currentTarget.setAttribute("aria-pressed", String(!away));
-      onchange();
-    };
-    return h("li", {}, h("button", {
-      type: "button", class: "bare", "aria-pressed": String(!plots[0].hidden.has(c.label)), title: "Hide or show this curve", onclick: hide,
-      onpointerenter: light(true), onpointerleave: light(false), onfocus: light(true), onblur: light(false),
-    }, h("span", { class: c.dash?.length ? "swatch dashed" : "swatch", style: `--own: var(${c.colour})` }), c.label), value);
-  }));
-  list.values = (texts) => { for (const [label, place] of places) place.textContent = texts?.get(label) ?? ""; };
-  return list;
 }

@@ -42,7 +42,7 @@ function sought(text) {
 }
 
 function files() {
-  const shown = server.files.filter((f) => f.kind !== "point" && sought(`${f.name} ${f.kind}`));
+  const shown = server.files.filter((f) => !["point", "record"].includes(f.kind) && sought(`${f.name} ${f.kind}`));
   const line = (f) => h("li", {}, h("a", { href: `#/open/${encodeURIComponent(f.name)}`, "data-name": f.name }, h("span", { class: "clip" }, f.name.replace(/^\w+:/, "")), h("span", { class: "dim" }, f.kind)));
   const own = shown.filter((f) => !BUNDLED.test(f.name));
   const others = shown.filter((f) => BUNDLED.test(f.name));
@@ -58,7 +58,7 @@ function works() {
   mark();
 }
 
-const OVERLAID = new Set(["nfr", "lin", "loop", "branches", "feedback"]); // what has curves over frequency
+const OVERLAID = new Set(["nfr", "lin", "loop", "branches", "feedback", "identify", "fit"]); // what has curves over frequency
 
 function run(work) {
   const running = ["waiting", "running"].includes(work.state);

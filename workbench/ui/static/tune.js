@@ -1,10 +1,12 @@
 // A loop that is tuned: every parameter of its blocks at a slider, Bode, Nyquist or Nichols, root locus and step beside.
 
-import { beginDraft, ended, factsOf, forget, get, lookAgain, post } from "./api.js";
+import { beginDraft, ended, factsOf, forget, get, lookAgain, post, server } from "./api.js";
 import { DEPTH } from "./bode.js";
 import { fill, h, say, wrongs } from "./dom.js";
 import { sourcesInLoops } from "./form.js";
+import { closedHandles, handlesOf } from "./handles.js";
 import { write } from "./keep.js";
+import { marginsIn, masksIn, numberOf, stepRegions } from "./limits.js";
 import { head } from "./model.js";
 import { bode, locusRanges, shown, unitShown } from "./numbers.js";
 import { Plot, colour, ramp } from "./plot.js";
@@ -17,6 +19,7 @@ const LOWEST = -60; // of the gain picture [dB]
 const SAME = 1e-6; // relative: two loops are one
 // Parameters that scale a block as a whole.
 const SCALES = { gain: ["gain"], lead_lag: ["gain"], integrator: ["gain"], pi: ["proportional", "integral"], pid: ["proportional", "integral", "derivative"] };
+const CYCLING = new Set(["saturation", "dead_band", "relay", "backlash", "rate_limiter", "quantiser", "friction", "lookup"]); // kinds that limit cycles come from
 const GROUND = 14; // points at each amplitude that are measured
 
 export async function tunePage([name, place = ""]) {
@@ -47,7 +50,7 @@ class Workspace {
     this.phase = tile("Phase of the open loop", { label: "frequency [Hz]", log: true }, { label: "arg L [deg]", least: 5 }, 0.185);
     this.nyquist = tile("Nyquist picture", { label: "Re L", range: [-3, 1.5] }, { label: "Im L", range: [-2, 2] }, 0.375, { equal: true });
     this.nichols = tile("Nichols picture", { label: "arg L [deg]" }, { label: "|L| [dB]", least: 1 }, 0.375);
-    this.locus = tile("Root locus: poles of the closed loop. A click on it chooses the loop gain.", { label: "real part [1/s]" }, { label: "imaginary part [1/s]" }, 0.32, { onpick: (factor) => factor && this.chosen(factor) });
+    this.locus = tile("Root locus. Poles of the closed loop are dragged along it, poles and zeros of blocks to where they shall be; a click on it chooses the loop gain.", { label: "real part [1/s]" }, { label: "imaginary part [1/s]" }, 0.32, { onpick: (factor) => factor && this.chosen(factor), ondrag: (handle, x, y, last) => this.dragged(handle, x, y, last) });
     this.step = tile("Step response of the closed loop", { label: "time [s]" }, { label: "step of T" }, 0.32);
     for (const [one, other] of [[this.gain, this.phase], [this.phase, this.gain]]) {
       one.onview = (view) => {
@@ -77,6 +80,11 @@ class Workspace {
     this.wanted = { db: wanted("wanted-db", "wanted gain margin, dB", "6"), deg: wanted("wanted-deg", "wanted phase margin, degrees", "45") };
     this.amplitude = h("input", { type: "text", id: "amplitude", inputMode: "decimal", placeholder: "e.g. 1, 10", spellcheck: false, onchange: () => this.rest(0) });
     this.measuring = h("span", { class: "dim", role: "status" });
+    this.cycling = h("p", { class: "help", role: "status" });
+    const blocks = [...new Set(this.parameters.filter((p) => CYCLING.has(p.kind)).map((p) => p.component))];
+    this.block = blocks.length ? h("select", { id: "block", onchange: () => this.rest(0) }, h("option", { value: "" }, "–"), blocks.map((b) => h("option", {}, b))) : null;
+    this.study = h("select", { id: "study", onchange: () => this.require() }, h("option", { value: "" }, "–"), server.files.filter((f) => f.kind === "study").map((f) => h("option", {}, f.name)));
+    this.feeding = h("button", { type: "button", class: "quiet", disabled: true, title: "Put the wanted margins into the requirements of the study", onclick: () => this.feed() }, "Into the study");
     this.knobs = new Map(this.parameters.map((p) => [p.name, this.knob(p)]));
     const groups = new Map();
     for (const p of this.parameters) groups.set(p.component, [...(groups.get(p.component) ?? []), p]);
@@ -109,7 +117,9 @@ class Workspace {
             this.wrong, this.why ? h("p", { class: "watch" }, `Only the gain of the whole loop can be dragged: ${this.why}`) : null,
             [...groups].map(([component, own]) => h("section", {}, h("h2", {}, component, " ", h("span", { class: "dim" }, own[0].kind)), own.map((p) => this.knobs.get(p.name).element))),
             h("div", { class: "field" }, h("label", { for: "amplitude" }, "Measure at amplitudes", h("span", { class: "unit" }, `of ${open}`)), this.amplitude, h("p", { class: "help" }, "The loop with its nonlinear parts, measured in the background whenever a value rests."), this.measuring),
+            this.block ? h("div", { class: "field" }, h("label", { for: "block" }, "Limit cycles by the block"), this.block, this.cycling) : null,
             h("div", { class: "field" }, h("label", { for: "wanted-db" }, "Wanted margins", h("span", { class: "unit" }, "dB and °")), h("div", { class: "two" }, this.wanted.db, this.wanted.deg)),
+            h("div", { class: "field" }, h("label", { for: "study" }, "Requirements of"), this.study, h("p", { class: "help" }, "Its margins are wanted, its masks and limits of steps are drawn."), this.feeding),
             h("div", { class: "field" }, h("label", { for: "file" }, "File"), this.file)),
           h("div", {}, h("div", { class: "told" }, this.verdict, this.numbers),
             h("div", { class: "tiles" },
@@ -133,10 +143,13 @@ class Workspace {
       slider.value = log ? Math.log10(Math.max(1e-12, value / p.value)) : value;
     };
     let moving = false; // from the first step to where it is let go
-    slider.addEventListener("change", () => { moving = false; });
+    slider.addEventListener("change", () => {
+      moving = this.moving = false;
+      this.update();
+    });
     slider.addEventListener("input", () => {
       if (!moving) this.remember();
-      moving = true;
+      moving = this.moving = true;
       number.value = shown(of(Number(slider.value)), 5);
       this.set(p.name, Number(number.value));
     });
@@ -172,6 +185,18 @@ class Workspace {
     this.set(GAIN, Number(factor.toPrecision(5)));
   }
 
+  /** A pole or a zero is dragged: its parameters follow. */
+  dragged(handle, x, y, last) {
+    if (!this.moving) this.remember();
+    this.moving = !last;
+    for (const [name, value] of Object.entries(handle.to(x, y) ?? {})) {
+      const exact = Number(value.toPrecision(5));
+      this.knobs.get(name)?.show(exact);
+      this.values[name] = exact;
+    }
+    this.update();
+  }
+
   undo() {
     if (!this.past.length) return;
     this.values = this.past.pop();
@@ -197,9 +222,12 @@ class Workspace {
     this.asking = true;
     const values = { ...this.values };
     const begun = performance.now();
+    // A locus is the same whatever the loop gain; of other parameters it comes when they rest.
+    const shape = JSON.stringify({ ...values, [GAIN]: 1 });
+    const locus = shape !== this.shape && !this.moving;
     try {
-      this.told = await post("/api/tune", { name: this.name, open: this.open, values, locus: true });
-      if (this.told.locus) this.locusOf = { ...this.told.locus, at: values[GAIN] ?? 1 };
+      this.told = await post("/api/tune", { name: this.name, open: this.open, values, locus });
+      if (locus) [this.locusOf, this.shape] = [{ ...this.told.locus, at: values[GAIN] ?? 1 }, shape];
       fill(this.wrong, "");
       this.draw();
       requestAnimationFrame(() => { this.verdict.dataset.ms = String(Math.round(performance.now() - begun)); });
@@ -218,11 +246,80 @@ class Workspace {
   rest(after = RESTS) {
     clearTimeout(this.waits);
     this.measured = [];
-    if (!this.amplitude.value.trim()) {
-      this.measuring.textContent = "";
-      return;
+    const cycles = this.block?.value;
+    if (!this.amplitude.value.trim()) this.measuring.textContent = "";
+    if (!cycles && this.block) this.cycling.textContent = "";
+    if (!this.amplitude.value.trim() && !cycles) return;
+    this.waits = setTimeout(async () => {
+      if (this.amplitude.value.trim()) await this.measure();
+      if (cycles) await this.cycles(cycles);
+    }, after);
+  }
+
+  /** What is asked of the loop with the values that rest; null: they have changed since. */
+  async background(asked) {
+    const before = JSON.stringify(this.values);
+    const values = await this.folded();
+    if (!values) throw new Error("no block carries the whole loop: the factor on it cannot be measured");
+    if (this.running) await post(`/api/works/${this.running}/stop`).catch(() => {});
+    const work = await beginDraft({ name: this.name, open: this.open, values, measure: asked });
+    this.running = work.number;
+    const full = await ended(work.number);
+    if (this.running === work.number) this.running = null;
+    if (before !== JSON.stringify(this.values)) return null;
+    if (!full.record) throw new Error(full.failure?.message ?? full.state);
+    return full;
+  }
+
+  /** Look for limit cycles by describing functions, of one block. */
+  async cycles(block) {
+    this.cycling.textContent = "Looking for limit cycles …";
+    try {
+      const full = await this.background({ block, methods: "describing function" });
+      if (!full) return;
+      const found = full.record.limit_cycles;
+      fill(this.cycling, found.length ? found.map((c) => h("span", { class: c.stable ? "bad" : "watch" }, `${shown(c.frequency_hz, 3)} Hz, amplitude ${shown(c.amplitude, 3)}, ${c.stable === null ? "stability not known" : c.stable ? "stable: it oscillates" : "unstable: a larger motion grows"}. `)) : "None is predicted.");
+    } catch (error) {
+      fill(this.cycling, h("span", { class: "bad" }, wrongs(error)));
     }
-    this.waits = setTimeout(() => this.measure(), after);
+  }
+
+  /** Take the requirements of a study: its margins are wanted, its masks and steps are drawn. */
+  async require() {
+    this.required = null;
+    const name = this.study.value;
+    try {
+      if (name) {
+        const { text } = await get(`/api/text?name=${encodeURIComponent(name)}`);
+        const told = await post("/api/study", { name, text });
+        if (told.mistakes.length) throw new Error(told.mistakes[0].message);
+        this.required = { ...told, name, text };
+        const margins = marginsIn(told.requirements);
+        for (const key of ["db", "deg"]) if (margins[key] !== null) this.wanted[key].value = String(margins[key]);
+      }
+    } catch (error) {
+      say(wrongs(error), true);
+    }
+    this.feeding.disabled = !this.required || name.includes(":");
+    this.draw();
+  }
+
+  /** Write the wanted margins into the requirements of the study. */
+  async feed() {
+    const { name, text: was } = this.required;
+    let text = was;
+    try {
+      for (const [kind, field] of [["gain margin", this.wanted.db], ["phase margin", this.wanted.deg]]) {
+        const number = numberOf(this.required.requirements, kind);
+        const value = Number(field.value);
+        if (number === null || !(value > 0)) continue;
+        ({ text } = await post("/api/study", { name, text, change: { number, key: "min", value } }));
+      }
+      if (text === was) say("The study asks for these margins already, or for none.");
+      else if (await write(name, text, was)) await this.require();
+    } catch (error) {
+      say(wrongs(error), true);
+    }
   }
 
   /**
@@ -244,26 +341,16 @@ class Workspace {
   }
 
   async measure() {
-    const before = JSON.stringify(this.values);
-    const same = () => before === JSON.stringify(this.values);
     try {
-      const values = await this.folded();
-      if (!values) throw new Error("no block carries the whole loop: the factor on it cannot be measured");
-      if (this.running) await post(`/api/works/${this.running}/stop`).catch(() => {});
       this.measuring.textContent = "Measuring …";
       const crossing = this.told.margins.gain_crossovers.at(-1)?.frequency_hz;
-      const asked = { open: this.open, amplitudes: this.amplitude.value, ...(crossing ? { band: `${shown(crossing / 3, 4)}:${shown(crossing * 3, 4)}`, ratio: String(shown(9 ** (1 / GROUND), 4)), refine: "1" } : {}) };
-      const work = await beginDraft({ name: this.name, open: this.open, values, measure: asked });
-      this.running = work.number;
-      const full = await ended(work.number);
-      if (this.running === work.number) this.running = null;
-      if (!same()) return;
-      if (!full.record) throw new Error(full.failure?.message ?? full.state);
+      const full = await this.background({ open: this.open, amplitudes: this.amplitude.value, ...(crossing ? { band: `${shown(crossing / 3, 4)}:${shown(crossing * 3, 4)}`, ratio: String(shown(9 ** (1 / GROUND), 4)), refine: "1" } : {}) });
+      if (!full) return;
       this.measured = full.curves.filter((c) => c.kind === "measured");
       this.measuring.textContent = full.verdicts.filter((v) => !v.text.startsWith("linear")).map((v) => `${v.word}: ${v.text}`).join("; ");
       this.draw();
     } catch (error) {
-      if (same()) fill(this.measuring, h("span", { class: "bad" }, wrongs(error)));
+      fill(this.measuring, h("span", { class: "bad" }, wrongs(error)));
     }
   }
 
@@ -314,8 +401,8 @@ class Workspace {
     const gains = curves.flatMap((c) => c.b.gain.filter((g) => g !== null));
     this.gain.y.range = [Math.max(Math.min(...gains), LOWEST), Math.max(...gains, 6)];
     this.gain.x.range = this.phase.x.range = [curves[0].b.x[0], curves[0].b.x.at(-1)];
-    this.gain.set(all.map((c) => line(c, c.b.x, c.b.gain)), { lines: [{ axis: "y", value: 0 }], extra: { notes: notesOf(found, "gain", curves[0].b) } });
-    this.phase.set(all.map((c) => line(c, c.b.x, c.b.phase)), { lines: [{ axis: "y", value: -180 }], extra: { notes: notesOf(found, "phase", curves[0].b) } });
+    this.gain.set(all.map((c) => line(c, c.b.x, c.b.gain)), { lines: [{ axis: "y", value: 0 }], extra: { notes: notesOf(found, "gain", curves[0].b), areas: this.masks("gain") } });
+    this.phase.set(all.map((c) => line(c, c.b.x, c.b.phase)), { lines: [{ axis: "y", value: -180 }], extra: { notes: notesOf(found, "phase", curves[0].b), areas: this.masks("phase") } });
     const point = (x, y) => ({ label: "−1", colour: colour(6), x: [x], y: [y], marks: ["cross"], line: false });
     this.nyquist.set([...all.map((c) => line(c, c.d.open.re, c.d.open.im)), point(-1, 0), circle()], { lines: [{ axis: "x", value: 0 }, { axis: "y", value: 0 }] });
     this.nichols.set([...all.map((c) => {
@@ -333,6 +420,12 @@ class Workspace {
     return db > 0 && deg > 0 ? [{ colour: 6, fill: true, x: [-180 - deg, -180, -180 + deg, -180], y: [0, db, 0, -db] }] : [];
   }
 
+  /** What masks of the study the open loop has to stay out of. */
+  masks(quantity) {
+    const { requirements = [], analyses = [] } = this.required ?? {};
+    return masksIn(requirements, analyses.filter((a) => a.command === "loop").map((a) => a.name), quantity);
+  }
+
   drawLocus(designs) {
     const found = this.told;
     const crossing = found.margins.gain_crossovers.at(-1) ?? found.margins.phase_crossovers.at(-1);
@@ -342,6 +435,7 @@ class Workspace {
     const { re = [], im = [], gain = [], at = 1 } = this.locusOf ?? {};
     const others = { ...poles("at other gains", { re, im }, "--edge", "dot"), points: gain.map((g) => g * at) };
     const unstable = { areas: [{ colour: 6, fill: true, x: [0, 1e9, 1e9, 0], y: [0, 0, 1, 1], spans: "y" }] };
+    this.locus.handles = [...handlesOf(this.parameters, this.values), ...(this.locusOf ? closedHandles(found.poles, this.locusOf, GAIN) : [])];
     this.locus.set([others, poles("open loop", found.open_poles, "--dim", "cross"), ...designs.map(([d, own, label]) => poles(`closed loop, ${label}`, d.poles, own, "square"))], { lines: [{ axis: "x", value: 0 }], extra: unstable });
   }
 
@@ -349,7 +443,7 @@ class Workspace {
     const { left_s: left } = this.told.step;
     fill(this.stepSays, left === null ? (this.told.margins.closed_loop === "unstable" ? " Unstable, by a motion that the step does not excite." : "") : ` Unstable: more than 10 away from the step after ${shown(left, 3)} s; shown until then.`);
     this.step.x.range = [0, this.told.step.time.at(-1)];
-    this.step.set(designs.map(([d, own, label, dash]) => ({ label, colour: own, dash, x: d.step.time, y: d.step.value })), { lines: [{ axis: "y", value: 1 }] });
+    this.step.set(designs.map(([d, own, label, dash]) => ({ label, colour: own, dash, x: d.step.time, y: d.step.value })), { lines: [{ axis: "y", value: 1 }], extra: { areas: stepRegions(this.required?.requirements ?? []) } });
   }
 
   /** The verdict in words, and the margins as numbers, of both designs. */

@@ -1,8 +1,8 @@
 // One run: its picture while it runs, and what it gives when it has ended; the same layout for every analysis.
 
-import { factsOf, get, goOn, onChange, post, remove, server, stop, whole } from "./api.js";
+import { factsOf, get, goOn, lookAgain, onChange, post, remove, server, stop, whole } from "./api.js";
 import { Bode } from "./bode.js";
-import { code, fill, h, menu, say, told } from "./dom.js";
+import { code, fill, h, menu, say, told, wrongs } from "./dom.js";
 import { shown, unitShown } from "./numbers.js";
 import { nameOf } from "./overlays.js";
 import { envelopeMap } from "./envelope.js";
@@ -17,6 +17,19 @@ export async function workPage([number]) {
     leave: shownWork.leave,
     element: h("div", {}, h("h1", {}, `${work.command} of ${work.subject.join(", ")}`), shownWork.element),
   };
+}
+
+const FMUS = new Set(["build", "compile", "export"]); // what writes one
+const MODELS = new Set(["lin", "identify", "fit"]); // what one can be made of
+const PLAIN = new Set(["run", "build", "compile", "export", "identify"]); // what has no one picture
+const KEEP_TIME = new Set(["identify"]); // whose signals over time stand in the page's own pictures
+
+/** Keep the record of a run as a file, under a name that no other has. */
+async function keptAs({ command, number }) {
+  const name = (k) => `${command}-${number}${k > 1 ? `-${k}` : ""}.json`;
+  let k = 1;
+  while (server.files.some((f) => f.name === name(k))) k += 1;
+  return (await post(`/api/works/${number}/keep`, { name: name(k) })).name;
 }
 
 const STATES = { failed: "bad", stopped: "watch", running: "good" };
@@ -70,7 +83,22 @@ export function live(number, { onband = null, onagain = null, ongoing = null }) 
     }
     if (running) fill(tail, code(work.line, "The same in a terminal"));
     else await finished();
-    fill(tools, picture?.tools ?? [], work.command === "loop" && work.has_record ? h("a", { class: "button", href: `#/tune/${encodeURIComponent(work.subject[0])}/${encodeURIComponent([work.asked.open].flat().join(" -> "))}` }, "Tune it") : null, exports(work));
+    fill(tools, picture?.tools ?? [], made(work), work.command === "loop" && work.has_record ? h("a", { class: "button", href: `#/tune/${encodeURIComponent(work.subject[0])}/${encodeURIComponent([work.asked.open].flat().join(" -> "))}` }, "Tune it") : null, exports(work));
+  };
+  /** What can be done with what was found: an FMU of a model, the FMU that was made. */
+  const made = (work) => {
+    const file = work.has_record && FMUS.has(work.command) ? work.asked.out : null;
+    if (file && server.files.some((f) => f.name === file)) return h("a", { class: "button", href: `#/open/${encodeURIComponent(file)}` }, `Open ${file}`);
+    if (!work.has_record || !MODELS.has(work.command)) return null;
+    return h("button", { type: "button", class: "quiet", title: "Keep the model as a file, and make an FMU of it", onclick: async () => {
+      try {
+        const kept = await keptAs(work);
+        await lookAgain();
+        location.hash = `#/open/${encodeURIComponent(kept)}`;
+      } catch (error) {
+        say(wrongs(error), true);
+      }
+    } }, "Make an FMU");
   };
   const exports = (work) => {
     const at = `/api/works/${number}`;
@@ -79,7 +107,7 @@ export function live(number, { onband = null, onagain = null, ongoing = null }) 
     if (!own.length && !work.has_record) return null;
     return menu("Export", [own, work.has_record ? [
       h("a", { href: `${at}/report.html`, target: "_blank", title: "The report as one page, with its pictures" }, "Report"), file("report.html", "Save the report", "One file, which needs nothing else"),
-      file("picture.svg", "Picture of the report", "As the command draws it"), file("data.csv", "All data, CSV", "Every number of the result as a table"), file("data.json", "All data, JSON", "The whole result; other analyses and Python read it")] : null]);
+      !PLAIN.has(work.command) ? file("picture.svg", "Picture of the report", "As the command draws it") : null, file("data.csv", "All data, CSV", "Every number of the result as a table"), file("data.json", "All data, JSON", "The whole result; other analyses and Python read it")] : null]);
   };
   const finished = async () => {
     const full = await whole(number);
@@ -91,7 +119,7 @@ export function live(number, { onband = null, onagain = null, ongoing = null }) 
     else pictured = false;
     if (full.has_record && !ended) {
       ended = true;
-      withSections(sections, get(`/api/works/${number}/page`), pictured);
+      withSections(sections, get(`/api/works/${number}/page`), pictured, KEEP_TIME.has(full.command));
     }
     fill(tail, code(full.line, "The same in a terminal"), full.call ? code(full.call, "in Python") : null, full.chosen.length ? h("p", { class: "dim" }, full.chosen.join("; ")) : null);
   };

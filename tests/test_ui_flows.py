@@ -1,0 +1,167 @@
+"""Files of data, studies and loops in a real browser: what a person does with them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.ui_pages import expect, look, picture
+from tests.ui_server import Ui, browser_workbench
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+pytest.importorskip("starlette", reason="the extra 'ui' is not installed")
+
+STUDY = """models.lag = "fmu:FirstOrderLag"
+
+[analyses.rest]
+command = "trim"
+model = "lag"
+u0 = {u = 2.0}
+
+[[requirements]]
+name = "gain"
+analysis = "rest"
+kind = "value"
+path = "y.y"
+max = 2.5
+"""
+LEFT, RIGHT = 68, 14  # beside the axes of a picture [pixel]
+
+
+@pytest.fixture(scope="module")
+def ui(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ui]:
+    folder = tmp_path_factory.mktemp("root")
+    record(folder / "lag.csv")
+    (folder / "study.toml").write_text(STUDY)
+    loop = (Path(__file__).resolve().parents[1] / "systems" / "rudder_loop.toml").read_text()
+    (folder / "loop.toml").write_text(loop)
+    with browser_workbench(folder) as server:
+        yield server
+
+
+def record(file: Path) -> None:
+    u = np.sign(np.random.default_rng(2).normal(size=1500))
+    y = np.zeros(len(u))
+    for k in range(len(u) - 1):
+        y[k + 1] = 0.8 * y[k] + 0.2 * u[k]
+    wb.make_experiment(0.1, u, y, input_names=["u"], output_names=["y"]).to_csv(file)
+
+
+def test_a_model_is_identified_from_a_file_that_was_looked_at(page: Page, ui: Ui) -> None:
+    page.click("a[data-name='lag.csv']")
+    expect(page.locator("h1")).to_have_text("lag.csv")
+    expect(page.locator("main")).to_contain_text("1500 samples, every 0.1 s")
+    expect(page.get_by_label("u: role")).to_have_value("input")
+    canvas = page.locator("main canvas").first
+    expect(canvas).to_be_visible()
+    canvas.focus()
+    with page.expect_response("**/api/data") as answer:  # of what is looked at closer there are more samples
+        page.keyboard.press("+")
+    assert answer.value.request.post_data_json["end"] < 149.9
+    page.fill("#field-order", "1")
+    page.click("text=Run identify")
+    expect(page.get_by_label("What was found")).to_contain_text("order 1")
+    expect(page.locator(".result .legend").first).to_contain_text("identified: y by u")
+    expect(page.locator("a[data-work]").first).to_contain_text("fit 100 %")
+    picture(page, "identified")
+    page.click("text=Make an FMU")
+    expect(page.locator("h1")).to_have_text(re.compile(r"^identify-\d+\.json$"))
+    expect(page.locator("#field-out")).to_have_value(re.compile(r"^identify-\d+\.fmu$"))
+
+
+def test_a_study_is_written_with_its_verdicts_beside(page: Page, ui: Ui) -> None:
+    look(page, ui, "open/study.toml")
+    text = page.get_by_label("Study file")
+    table = page.get_by_role("region", name="Requirements").locator("tbody tr")
+    expect(table).to_have_count(1)
+    expect(table.first).to_contain_text("not run")
+    text.press("Control+End")
+    text.press_sequentially('[[requirements]]\nname = "less"\nkind = "val')
+    expect(page.locator("#completions li").first).to_have_text("value")
+    text.press("Enter")
+    text.press("End")
+    text.press_sequentially("\npath = ")
+    text.press("Escape")
+    text.press_sequentially('"y.y"\nmax = 1.5')
+    mistakes = page.get_by_label("Mistakes")
+    expect(mistakes).to_contain_text("analysis")
+    expect(page.get_by_role("button", name="Run", exact=True)).to_be_disabled()
+    text.press_sequentially('\nanalysis = "rest"\n')
+    expect(table).to_have_count(2)
+    expect(mistakes.locator("li")).to_have_count(0)
+    page.get_by_role("button", name="Run", exact=True).click()
+    expect(table.first).to_contain_text("passed")
+    expect(table.last).to_contain_text("violated")
+    expect(page.get_by_label("What was found")).to_contain_text("less")
+    assert 'name = "less"' in (ui.folder / "study.toml").read_text()
+    picture(page, "study")
+    table.first.get_by_role("button").click()  # goes to its line
+    assert text.evaluate("e => e.value.slice(e.selectionStart, e.selectionEnd)") == "[[requirements]]"
+
+
+def test_a_block_goes_into_the_wire_that_is_chosen(page: Page, ui: Ui) -> None:
+    look(page, ui, "system/loop.toml")
+    boxes = page.locator("svg.diagram rect")
+    before = boxes.count()
+    wire = page.get_by_role("button", name=re.compile("^wire from .* to plant.delC$"))
+    wire.focus()
+    page.keyboard.press("Enter")
+    expect(wire).to_have_attribute("aria-pressed", "true")
+    page.click("text=+ saturation")
+    expect(boxes).to_have_count(before + 1)
+    expect(page.get_by_role("button", name="wire from saturation.y to plant.delC")).to_be_visible()
+    page.locator("button", has_text="+ notch").drag_to(
+        page.get_by_role("button", name="wire from saturation.y to plant.delC").locator(".reach"), force=True
+    )
+    expect(page.get_by_role("button", name="wire from notch.y to plant.delC")).to_be_visible()
+
+
+def test_a_pole_is_dragged_along_the_locus(page: Page, ui: Ui) -> None:
+    look(page, ui, "tune/system%3Arudder_loop")
+    canvas = page.get_by_label(re.compile("^Root locus"))
+    gain = page.get_by_label("loop gain ×")
+    expect(gain).to_have_value("1")
+    # A place of the locus of a larger gain, in pixels of the picture, and the pole that leads there.
+    page.wait_for_function("document.querySelector('.verdict').dataset.ms")
+    expect(page.locator(".numbers .figure").first).to_contain_text("dB")
+    told = page.evaluate(
+        """async () => (await (await fetch("/api/tune", { method: "POST", body: JSON.stringify(
+        { name: "system:rudder_loop", open: "plant.del", values: {}, locus: true }) })).json())"""
+    )
+    poles = [complex(*p) for p in zip(told["poles"]["re"], told["poles"]["im"], strict=True)]
+    start = max((p for p in poles if p.imag > 0.0), key=lambda p: p.real)
+    locus = list(zip(told["locus"]["gain"], told["locus"]["re"], told["locus"]["im"], strict=True))
+    wanted = min((row for row in locus if 1.2 < row[0] < 1.6), key=lambda row: abs(complex(*row[1:]) - start))
+    ranges = page.evaluate(
+        """() => { const c = document.querySelector("canvas[aria-label^='Root locus']");
+        return [c.clientWidth, c.clientHeight]; }"""
+    )
+    box = canvas.bounding_box()
+    assert box is not None
+    frame = {"width": ranges[0], "height": ranges[1]}
+    size = 4.0 * 2.0 * np.pi * told["margins"]["gain_crossovers"][-1]["frequency_hz"]
+
+    def at(place: complex) -> tuple[float, float]:
+        (low, high), (bottom, top) = (-size, size / 4.0), (-size, size)
+        (low, high), (bottom, top) = ((a - 0.06 * (b - a), b + 0.06 * (b - a)) for a, b in ((low, high), (bottom, top)))
+        x = LEFT + (place.real - low) / (high - low) * (frame["width"] - LEFT - RIGHT)
+        y = frame["height"] - 40 - (place.imag - bottom) / (top - bottom) * (frame["height"] - 40 - 10)
+        return box["x"] + x, box["y"] + y
+
+    page.mouse.move(*at(start))
+    page.mouse.down()
+    page.mouse.move(*at(complex(*wanted[1:])), steps=4)
+    page.mouse.up()
+    expect(gain).not_to_have_value("1")
+    assert float(gain.input_value()) == pytest.approx(wanted[0], rel=0.1)
+    page.keyboard.press("Control+z")
+    expect(gain).to_have_value("1")
