@@ -44,7 +44,7 @@ _AT_BOUND = 1e-6  # coordinate
 
 def run(system: str | Path, request: Tune, job: Job) -> TuneResult:
     """Tune; see `Tune`."""
-    study = read_study(request.study)
+    study = _with_plain_names(read_study(request.study))
     models = _tuned_models(study, system)
     names = [r.name for r in study.requirements]
     if not names:
@@ -67,6 +67,17 @@ def run(system: str | Path, request: Tune, job: Job) -> TuneResult:
     if request.out is not None:
         write_tuned(str(system), result.values, Path(request.out))
     return result
+
+
+def _with_plain_names(study: Study) -> Study:
+    """Return a study whose models have names without dots, so that "model.parameter" is one: a file names itself."""
+    names = {n: n if "." not in n else f"model {k}" for k, n in enumerate(study.models, 1)}
+    return replace(
+        study,
+        models={names[n]: change for n, change in study.models.items()},
+        analyses={n: replace(a, models=tuple(names[m] for m in a.models)) for n, a in study.analyses.items()},
+        configurations={c: {names[m]: x for m, x in changes.items()} for c, changes in study.configurations.items()},
+    )
 
 
 def _tuned_models(study: Study, system: str | Path) -> list[str]:
@@ -189,13 +200,12 @@ class _TuneRun:
         envelope = problem.study.envelope
         assert envelope is not None  # noqa: S101 - see `done`
         self._tell("worst case of the envelope")
-        changes = {n: c.options.get("set", {}) for n, c in problem.study.models.items()}
         tuned = problem.point_at(GridPoint(), z).values
         models = {
             name: change.changed(Change(model=None, options={"set": {
                 n.partition(".")[2]: v for n, v in tuned.items() if n.partition(".")[0] == name}}))
             for name, change in problem.study.models.items()
-        } if changes else {}  # fmt: skip
+        }  # fmt: skip
         study = replace(problem.study, models=models)
         with Evaluator(study, self._finished, self._request.place, self._job) as evaluator:
             found = EnvelopeRun(study, envelope, evaluator, Job()).done()

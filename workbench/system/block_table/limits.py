@@ -321,7 +321,7 @@ class _Controller(Block):
 
     @property
     def states(self) -> tuple[str, ...]:
-        return ("integral",)
+        return ("integrated",)
 
     @property
     def indicators(self) -> int:
@@ -359,7 +359,7 @@ class Pid(_Controller):
 
     @property
     def states(self) -> tuple[str, ...]:
-        return "integral", "filtered"
+        return "integrated", "filtered"
 
     def packed(self) -> tuple[float, ...]:
         lower, upper, proportional, integral, _, _, follows = super().packed()
