@@ -166,17 +166,19 @@ class RandomLoop:
         return np.column_stack([p * f + d, p + i * f, i]), np.array([f, 1.0, 0.0])
 
 
-def random_loop(number: int) -> RandomLoop:
-    """Return a loop with a plant of order 1 to 4, every fourth unstable, every second with a PID controller.
+def random_loop(number: int, order: int | None = None) -> RandomLoop:
+    """Return a loop, every fourth with an unstable plant, every second with a PID controller.
 
     Args:
         number: of it.
+        order: of the plant; None: 2 to 5.
     """
     random = np.random.default_rng(number)
     poles: list[complex] = []
-    while len(poles) < 1 + number % 4:
+    order = 2 + number % 4 if order is None else order
+    while len(poles) < order:
         size = float(np.exp(random.uniform(np.log(0.3), np.log(5.0))))
-        if random.random() < 0.4 and len(poles) < number % 4:
+        if random.random() < 0.4 and len(poles) < order - 1:
             turned = size * np.exp(1j * np.pi * (0.5 + 0.45 * random.random()))
             poles += [turned, turned.conjugate()]
         else:
@@ -248,23 +250,16 @@ def worst_of(loop: RandomLoop, gains: Floats, limit: float) -> Floats:
     for part in np.array_split(np.arange(len(gains)), max(1, len(gains) // 500)):
         controller = above[part] @ powers / np.polyval(below, s)
         sensitivity = 1.0 / (1.0 + controller * plant)
-        size = np.maximum(
-            np.maximum(np.abs(sensitivity).max(axis=1), 1.0) - 1.0, np.abs(plant * sensitivity).max(axis=1) / limit - 1.0
-        )
-        order = np.argsort(size)
-        result[part] = np.where(_stable(loop, above[part], below, order, size), size, np.inf)
+        peak = np.maximum(np.abs(sensitivity).max(axis=1), 1.0) - 1.0
+        size = np.maximum(peak, np.abs(plant * sensitivity).max(axis=1) / limit - 1.0)
+        stable = [_is_stable(loop, above[k], below) for k in part]
+        result[part] = np.where(stable, size, np.inf)
     return result
 
 
-def _stable(loop: RandomLoop, above: Floats, below: Floats, order: Any, size: Floats) -> Floats:  # noqa: ANN401
-    """Return whether the closed loops are stable; those far from the best are not looked at, and count as such."""
-    del size
-    result = np.zeros(len(above), dtype=bool)
-    base = np.polymul(below, loop.denominator)
-    for k in order:
-        whole = np.polyadd(base, np.polymul(above[k], loop.numerator))
-        result[k] = bool(np.all(np.roots(whole).real < 0.0))
-    return result
+def _is_stable(loop: RandomLoop, above: Floats, below: Floats) -> bool:
+    whole = np.polyadd(np.polymul(below, loop.denominator), np.polymul(above, loop.numerator))
+    return bool(np.all(np.roots(whole).real < 0.0))
 
 
 def best_of_grid(loop: RandomLoop, value: Callable[[Floats], Floats], levels: int = 4) -> tuple[float, Floats]:
@@ -297,7 +292,7 @@ def conflicting(number: int) -> tuple[tuple[str, ...], float]:
     Args:
         number: of the loop.
     """
-    loop = random_loop(4 * number)  # a stable plant of order one, PI: fast needs a gain that small forbids
+    loop = random_loop(4 * number, 1)  # a stable plant, PI: fast needs a gain that small forbids
     pole = -float(np.roots(loop.denominator)[0].real)
     fast = 3.0 * pole / (2.0 * np.pi)  # bandwidth [Hz]
     wanted = {

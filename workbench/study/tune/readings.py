@@ -32,6 +32,8 @@ __all__ = ["Reading", "closed_poles", "is_linear", "readings", "scale_of"]
 _AT_REST = 1e-9  # of the fastest pole: what rounding makes of an integrator
 _DENSE = 30  # frequencies per decade that are looked at, besides those around the poles
 _FINER = 5  # rounds in which the neighbourhood of a peak is divided by eight
+_FLAT = 1e-9  # relative: a maximum that rises by less is rounding
+_MOST = 8  # peaks that are followed
 _LOW = 0.5  # peaks below this part of the largest one are left out
 _DB = 20.0 / math.log(10.0)
 _UNITS = {"dB": 6.0, "deg": 45.0}  # what a requirement counts in: the margins of the textbooks, not their limits
@@ -202,8 +204,9 @@ def _grid(system: Linear, low: float = 0.0, high: float = math.inf) -> Floats:
 def _peaks(size: Callable[[Floats], Floats], grid: Floats, ends: Sequence[float] = ()) -> list[tuple[float, float]]:
     """Return (frequency, value) of the local maxima of a positive function, the ends included, largest first."""
     values = np.nan_to_num(size(grid), nan=-np.inf, posinf=-np.inf)
-    inner = np.flatnonzero((values[1:-1] >= values[:-2]) & (values[1:-1] >= values[2:])) + 1
-    inner = inner[values[inner] > _LOW * values.max(initial=0.0)]
+    beside = np.maximum(values[:-2], values[2:]) * (1.0 + _FLAT)
+    inner = np.flatnonzero((values[1:-1] > beside) & (values[1:-1] > _LOW * values.max(initial=0.0))) + 1
+    inner = inner[np.argsort(-values[inner])[:_MOST]]
     low, top, high = grid[inner - 1], grid[inner], grid[inner + 1]
     for _ in range(_FINER if len(inner) else 0):
         parts = np.linspace(0.0, 1.0, 9)
@@ -361,6 +364,13 @@ def _curve(member: Member, at: Sequence[float], place: tuple[int, int], quantity
     return f, (_DB * np.log(np.abs(value)) if quantity == "gain" else unwrapped(value))
 
 
+def _rise(member: Member, f: Floats, place: tuple[int, int], quantity: str) -> Floats:
+    """Return gain [dB] or phase [deg] less that at the first of near frequencies."""
+    value = member.system.response(f)[:, place[0], place[1]] + 1e-300
+    curve = _DB * np.log(np.abs(value)) if quantity == "gain" else unwrapped(value)
+    return np.asarray(curve - curve[0])
+
+
 def _at_frequency(requirement: Requirement, member: Member) -> Iterator[Reading]:
     assert isinstance(requirement, Gain | Phase)  # noqa: S101 - by `_READERS`
     place, hz = _places(requirement, member.system), requirement.frequency
@@ -397,12 +407,17 @@ def _bandwidth(requirement: Requirement, member: Member) -> Iterator[Reading]:
         value = float(f[0] if len(below) else f[-1])
         yield Reading(value, np.zeros((len(member.left), member.right.shape[1])), value)
         return
-    k = int(below[0])
+    k, first = int(below[0]), float(f[0])
+    for _ in range(3):  # the straight line of the study, between points that draw closer: it tends to the crossing
+        fine = np.geomspace(f[k - 1], f[k], 21)
+        curve = curve[k - 1] + _rise(member, fine, place, quantity)
+        f, k = fine, int(np.flatnonzero(curve <= level)[0]) if curve[-1] <= level else 20
+        k = max(1, k)
     rate = (curve[k] - curve[k - 1]) / math.log(f[k] / f[k - 1])
     hz = float(f[k - 1] * math.exp((level - curve[k - 1]) / rate))
     change = _derivative(member, hz, place, quantity)
     if free:
-        change = change - _derivative(member, float(f[0]), place, quantity)
+        change = change - _derivative(member, first, place, quantity)
     yield Reading(hz, -hz / rate * change, hz)
 
 

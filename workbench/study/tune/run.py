@@ -40,6 +40,7 @@ _ROUNDS = 4  # designs with the system linearised anew, and points that are adde
 _DIFFERENT = 0.02  # of its scale: a linear requirement that the study measures so differently is designed anew
 _HOLDS = 0.01  # multiplier from which on a requirement holds the result
 _AT_BOUND = 1e-6  # coordinate
+_MET = 1e-6  # a value up to this counts as 0
 
 
 def run(system: str | Path, request: Tune, job: Job) -> TuneResult:
@@ -229,14 +230,11 @@ class _TuneRun:
         problem, end = self._problem, self._end
         if end is None or not any(q.linear for q in problem.questions):
             return None
-        hard = [n for n in self._request.hard if any(q.linear and q.requirement.name == n for q in problem.questions)]
-        if hard:
-            if end.hard <= 1e-6:
-                return None
-        elif end.value <= 1e-6:
+        linear = list(dict.fromkeys(q.requirement.name for q in problem.questions if q.linear))
+        names = [n for n in linear if n in self._request.hard] or linear
+        if max(p.value for p in end.pieces if problem.questions[p.owner].requirement.name in names) <= _MET:
             return None
         self._tell("which requirements exclude each other")
-        names = hard or [q.requirement.name for q in problem.questions if q.linear]
         return conflict_of(problem, end, names, self._request.max_steps)
 
     # -- measuring and telling ---------------------------------------------------------------------
