@@ -283,6 +283,14 @@ def best_of_grid(loop: RandomLoop, value: Callable[[Floats], Floats], levels: in
     return best, np.exp(place)
 
 
+def _objective(loop: RandomLoop) -> float:
+    try:
+        found = tuned_loop(loop, two_requirements(loop)).objective
+    except wb.SimulationError:  # no gains were found with which it is stable
+        found = None
+    return np.inf if found is None else found
+
+
 # -- conflicts -------------------------------------------------------------------------------------
 
 
@@ -326,8 +334,8 @@ def run(*, cases: int = 100, planted: int = 20, names: str = "AC1,AC2,AC3,AC4,HE
         loop = random_loop(number)
         limit = disturbance_limit(loop)
         grid, _ = best_of_grid(loop, lambda gains, loop=loop, limit=limit: worst_of(loop, gains, limit))
-        objective = tuned_loop(loop, two_requirements(loop)).objective
-        excess.append((1.0 + (np.inf if objective is None else objective)) / (1.0 + grid) - 1.0)
+        objective = _objective(loop)
+        excess.append((1.0 + objective) / (1.0 + grid) - 1.0 if np.isfinite(objective) or np.isfinite(grid) else 0.0)
         if excess[-1] > 0.02:
             print(f"loop {number}: {objective}, on the grid {grid:.4g}")
     if excess:

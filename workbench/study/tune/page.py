@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from workbench.show.page import Page, PageTable, Section
-from workbench.show.tables import behind, counted, sentence
+from workbench.show.tables import bracketed, counted, sentence
 from workbench.show.verdicts import Verdict
 from workbench.study.requirements.base import Compliance, number
 
@@ -62,7 +62,7 @@ def _label(r: TunedRequirement) -> str:
 def _parameters(result: TuneResult) -> PageTable:
     rows = [
         (
-            p.name + behind(p.unit), format(p.start, _DIGITS), format(p.value, _DIGITS),
+            bracketed(p.name, p.unit), format(p.start, _DIGITS), format(p.value, _DIGITS),
             "–" if p.low is None else format(p.low, _DIGITS), "–" if p.high is None else format(p.high, _DIGITS),
             "held by its limit" if p.at_bound else "",
         )
@@ -99,7 +99,7 @@ def _conflict(result: TuneResult) -> Iterator[Section]:
     found = result.conflict
     if found is None:
         return
-    words = f"{found.words}: the worst of them stays {found.excess:.3g} of its scale beyond the limit."
+    words = f"{found.words}: the worst of them stays {found.excess:.3g} of its scale beyond the limit"
     tables = []
     if found.trade_off is not None:
         pairs = zip(found.trade_off.first.tolist(), found.trade_off.second.tolist(), strict=True)

@@ -27,14 +27,16 @@ from workbench.study.run import applies, finding_of
 from workbench.study.tune.extract import Extracted, ExtractJob, extract
 from workbench.study.tune.family import LinearFamily, Member
 from workbench.study.tune.minimax import Piece
-from workbench.study.tune.readings import closed_poles, is_linear, readings, scale_of
+from workbench.study.tune.readings import Reading, closed_poles, is_linear, readings, scale_of
 from workbench.system.description import Component, SystemDescription
 from workbench.system.parameters import with_parameters
 
-__all__ = ["Question", "TuneProblem"]
+__all__ = ["STABILITY", "Question", "TuneProblem"]
 
 _WIDTH = 0.01  # coordinate: of the differences by which measured requirements are differentiated
 _SLOW_WIDTH = 1e-3  # likewise of linear models by parameters that are not of blocks
+_NEAR = -0.1  # of that natural frequency: poles left of it do not hinder a step
+STABILITY = -1  # owner of the poles, which must stay left of the axis
 _AMPLE = -10.0  # value of a requirement that nothing endangers, e.g. a margin without a crossing
 _SAME = 1e-4  # relative: how far the poles with the blocks put in again may be from those without taking them out
 
@@ -169,18 +171,17 @@ class TuneProblem:
         self.evaluations += 1
         return {run: self._families[run, key].at(values) for run in runs if (run, key) in self._families}
 
-    def stable(self, members: Mapping[PlannedRun, Member]) -> bool:
-        """Whether all linear models are stable, integrators left out; loops when they are closed."""
-        return all(r.value < 0.0 for run, m in members.items() for r in closed_poles(m, loop=_is_loop(run)))
-
     def instability(self, z: Floats) -> list[Piece]:
         """Return the real parts of all poles over the natural frequency in the middle, as pieces."""
         result = []
-        for number, (run, member) in enumerate(self.members(z).items()):
-            found = closed_poles(member, loop=_is_loop(run))
-            rate = float(np.median([abs(r.place) for r in found])) if found else 1.0
-            result += [Piece(r.value / rate, self._slope(member, r.weight, z) / rate, r.place, number) for r in found]
+        for run, member in self.members(z).items():
+            result += self._borders(member, closed_poles(member, loop=_is_loop(run)), z, -math.inf)
         return result
+
+    def _borders(self, member: Member, found: Sequence[Reading], z: Floats, least: float = _NEAR) -> list[Piece]:
+        rate = float(np.median([abs(r.place) for r in found])) if found else 1.0
+        near = [r for r in found if r.value > least * rate]
+        return [Piece(r.value / rate, self._slope(member, r.weight, z) / rate, r.place, STABILITY) for r in near]
 
     def pieces(self, z: Floats, only: Sequence[str] | None = None) -> list[Piece] | None:
         """Return the linear requirements; None: a linear model is unstable there.
@@ -193,9 +194,10 @@ class TuneProblem:
             members = self.members(z)
         except InputError:  # a value that a block refuses
             return None
-        if not self.stable(members):
+        poles = [(m, closed_poles(m, loop=_is_loop(run))) for run, m in members.items()]
+        if any(r.value >= 0.0 for _, found in poles for r in found):
             return None
-        result = []
+        result = [p for m, found in poles for p in self._borders(m, found, z)]
         for number, question in enumerate(self.questions):
             if not question.linear or (only is not None and question.requirement.name not in only):
                 continue

@@ -358,17 +358,14 @@ def _derivative(member: Member, hz: float, place: tuple[int, int], quantity: str
 
 def _curve(member: Member, at: Sequence[float], place: tuple[int, int], quantity: str) -> tuple[Floats, Floats]:
     """Return frequencies and gain [dB] or phase [deg]."""
-    f = np.union1d(_grid(member.system, high=math.inf), list(at))
+    f = np.union1d(_grid(member.system), list(at))
+    return f, _of_curve(member, f, place, quantity)
+
+
+def _of_curve(member: Member, f: Floats, place: tuple[int, int], quantity: str) -> Floats:
     value = member.system.response(f)[:, place[0], place[1]]
     value = np.where(np.abs(value) < 1e-300, 1e-300, value)
-    return f, (_DB * np.log(np.abs(value)) if quantity == "gain" else unwrapped(value))
-
-
-def _rise(member: Member, f: Floats, place: tuple[int, int], quantity: str) -> Floats:
-    """Return gain [dB] or phase [deg] less that at the first of near frequencies."""
-    value = member.system.response(f)[:, place[0], place[1]] + 1e-300
-    curve = _DB * np.log(np.abs(value)) if quantity == "gain" else unwrapped(value)
-    return np.asarray(curve - curve[0])
+    return np.asarray(_DB * np.log(np.abs(value)) if quantity == "gain" else unwrapped(value))
 
 
 def _at_frequency(requirement: Requirement, member: Member) -> Iterator[Reading]:
@@ -388,11 +385,19 @@ def _mask(requirement: Requirement, member: Member) -> Iterator[Reading]:
             continue
         x, y = np.log([c[0] for c in corners]), [c[1] for c in corners]
         inside = (f >= corners[0][0] * (1.0 - 1e-12)) & (f <= corners[-1][0] * (1.0 + 1e-12))
-        own, margin = f[inside], sign * (curve[inside] - np.interp(np.log(f[inside]), x, y))
-        padded = np.concatenate([[math.inf], margin, [math.inf]])
-        for k in np.flatnonzero((padded[1:-1] <= padded[:-2]) & (padded[1:-1] <= padded[2:])):
-            yield Reading(float(margin[k]), sign * _derivative(member, float(own[k]), place, requirement.quantity),
-                          float(own[k]))  # fmt: skip
+        own, values = f[inside], curve[inside]
+        for rounds in range(_FINER + 1):
+            margin = sign * (values - np.interp(np.log(own), x, y))
+            padded = np.concatenate([[math.inf], margin, [math.inf]])
+            least = np.flatnonzero((padded[1:-1] <= padded[:-2]) & (padded[1:-1] <= padded[2:]))
+            if rounds == _FINER:
+                break
+            inner = [k for k in least if 0 < k < len(own) - 1]  # a smaller one lies between the neighbours
+            own = np.unique(np.concatenate([own, *(np.geomspace(own[k - 1], own[k + 1], 9)[1:-1] for k in inner)]))
+            values = _of_curve(member, own, place, requirement.quantity)
+        for k in least:
+            hz = float(own[k])
+            yield Reading(float(margin[k]), sign * _derivative(member, hz, place, requirement.quantity), hz)
 
 
 def _bandwidth(requirement: Requirement, member: Member) -> Iterator[Reading]:
@@ -410,9 +415,9 @@ def _bandwidth(requirement: Requirement, member: Member) -> Iterator[Reading]:
     k, first = int(below[0]), float(f[0])
     for _ in range(3):  # the straight line of the study, between points that draw closer: it tends to the crossing
         fine = np.geomspace(f[k - 1], f[k], 21)
-        curve = curve[k - 1] + _rise(member, fine, place, quantity)
-        f, k = fine, int(np.flatnonzero(curve <= level)[0]) if curve[-1] <= level else 20
-        k = max(1, k)
+        near = _of_curve(member, fine, place, quantity)
+        curve = near + (360.0 * np.round((curve[k - 1] - near[0]) / 360.0) if quantity == "phase" else 0.0)
+        f, k = fine, max(1, int(np.argmax(curve <= level)) or 20)
     rate = (curve[k] - curve[k - 1]) / math.log(f[k] / f[k - 1])
     hz = float(f[k - 1] * math.exp((level - curve[k - 1]) / rate))
     change = _derivative(member, hz, place, quantity)

@@ -190,7 +190,7 @@ class _TuneRun:
     def _differs(self, z: Floats, after: Sequence[Compliance]) -> bool:
         """Return whether the study measures a linear requirement otherwise than the linear model said."""
         told: dict[int, float] = {}
-        for p in self._problem.pieces(z) or ():
+        for p in (p for p in self._problem.pieces(z) or () if p.owner >= 0):
             told[p.owner] = max(p.value, told.get(p.owner, -math.inf))
         pairs = [(told[k], q.scaled(after[k])) for k, q in enumerate(self._problem.questions) if k in told]
         return any(m is None or abs(m - t) > _DIFFERENT * (1.0 + abs(t)) for t, m in pairs)
@@ -232,7 +232,8 @@ class _TuneRun:
             return None
         linear = list(dict.fromkeys(q.requirement.name for q in problem.questions if q.linear))
         names = [n for n in linear if n in self._request.hard] or linear
-        if max(p.value for p in end.pieces if problem.questions[p.owner].requirement.name in names) <= _MET:
+        held = [p.value for p in end.pieces if p.owner >= 0 and problem.questions[p.owner].requirement.name in names]
+        if max(held) <= _MET:
             return None
         self._tell("which requirements exclude each other")
         return conflict_of(problem, end, names, self._request.max_steps)
@@ -274,7 +275,7 @@ class _TuneRun:
             reused=self._evaluator.reused,
             evaluations=problem.evaluations,
             reason=self._reason,
-            notes=tuple(problem.notes),
+            notes=(*problem.notes, *self._evaluator.afterwards),
         )  # fmt: skip
 
 

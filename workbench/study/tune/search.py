@@ -11,7 +11,7 @@ import numpy as np
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.study.tune.minimax import MinimaxEnd, Piece, minimax
-from workbench.study.tune.problem import TuneProblem
+from workbench.study.tune.problem import STABILITY, TuneProblem
 from workbench.study.tune.result import Conflict, TradeOff
 
 __all__ = ["Descent", "conflict_of", "descents", "made_stable", "measured_descent"]
@@ -61,8 +61,14 @@ def descents(
 
 
 def owners(problem: TuneProblem, names: Sequence[str]) -> frozenset[int]:
-    """Return the numbers of the questions with these requirements."""
-    return frozenset(k for k, q in enumerate(problem.questions) if q.requirement.name in names)
+    """Return the numbers of the questions with these requirements, and of stability; where that is all, of that only.
+
+    Args:
+        problem: which has the questions.
+        names: of requirements.
+    """
+    found = {k for k, q in enumerate(problem.questions) if q.requirement.name in names}
+    return frozenset({STABILITY} | (found if len(found) < len(problem.questions) else set()))
 
 
 def made_stable(problem: TuneProblem, z: Floats, most: int) -> Floats | str:
@@ -119,9 +125,11 @@ def conflict_of(problem: TuneProblem, end: MinimaxEnd, names: Sequence[str], mos
     """
     weight: dict[str, float] = {}
     for owner, part in end.weights.items():
+        if owner == STABILITY:
+            continue
         name = problem.questions[owner].requirement.name
         weight[name] = weight.get(name, 0.0) + part
-    above = {problem.questions[p.owner].requirement.name for p in end.pieces if p.value > _MET}
+    above = {problem.questions[p.owner].requirement.name for p in end.pieces if p.owner >= 0 and p.value > _MET}
     holding = sorted((n for n in weight if n in names and (weight[n] > 1e-3 or n in above)), key=lambda n: -weight[n])
     holding = holding[:_PAIRS]
     for group in (*((n,) for n in holding), *combinations(holding, 2)):
@@ -141,7 +149,10 @@ def _alone(problem: TuneProblem, z: Floats, names: Sequence[str], most: int) -> 
         stable = made_stable(problem, start, most)
         if isinstance(stable, str):
             continue
-        end = minimax(lambda x: problem.pieces(x, names), stable, problem.free.limits, enough=-_MET, most=most)
+        end = minimax(
+            lambda x: problem.pieces(x, names), stable, problem.free.limits, hard=frozenset({STABILITY}), enough=-_MET,
+            most=most,
+        )  # fmt: skip
         if end is not None and (best is None or end.value < best.value):
             best = end
         if best is not None and best.value <= _MET:
@@ -163,11 +174,12 @@ def _curve(problem: TuneProblem, meeting: MinimaxEnd, pair: Sequence[str], most:
 
         def lowered(x: Floats, level: float = level) -> list[Piece] | None:
             found = problem.pieces(x, pair)
-            return found and [replace(p, value=p.value - level) if p.owner in first else p for p in found]
+            own = first - {STABILITY}
+            return found and [replace(p, value=p.value - level) if p.owner in own else p for p in found]
 
         end = minimax(lowered, z, problem.free.limits, hard=first, most=most)
         if end is None:
             return
         z = end.z
-        own = max((p.value for p in end.pieces if p.owner in first), default=0.0) + level
+        own = max((p.value for p in end.pieces if p.owner in first - {STABILITY}), default=0.0) + level
         yield own, end.value
