@@ -94,7 +94,7 @@ def published(name: str, starts: int = 8) -> float:
 
 
 def _study(requirements: Mapping[str, Mapping[str, Any]]) -> str:
-    lines = ['[analyses]', 'linear = {command = "lin", model = "system.toml"}']
+    lines = ["[analyses]", 'linear = {command = "lin", model = "system.toml"}']
     if any(r["analysis"] == "loop" for r in requirements.values()):
         lines += ['loop = {command = "loop", model = "system.toml", open = "plant.y"}']
     for name, given in requirements.items():
@@ -133,7 +133,9 @@ class RandomLoop:
 
     def system(self) -> str:
         """The system file: input d at the plant's input, r before the controller; outputs y and u."""
-        start = ", ".join(f"{n} = {x!r}" for n, x in zip(self.names, np.sqrt(self.low * self.high).tolist(), strict=True))
+        start = ", ".join(
+            f"{n} = {x!r}" for n, x in zip(self.names, np.sqrt(self.low * self.high).tolist(), strict=True)
+        )
         block = f'{{block = "pid", {start}, filter = {self.filter}}}' if self.pid else f'{{block = "pi", {start}}}'
         plant = f"numerator = {self.numerator.tolist()}, denominator = {self.denominator.tolist()}"
         return f"""
@@ -204,7 +206,7 @@ def _response(loop: RandomLoop, f: Floats) -> Complex:
     return np.asarray(np.polyval(loop.numerator, s) / np.polyval(loop.denominator, s))
 
 
-def tuned_loop(loop: RandomLoop, requirements: Mapping[str, Mapping[str, Any]], **asked: Any) -> wb.TuneResult:  # noqa: ANN401
+def tuned_loop(loop: RandomLoop, requirements: Mapping[str, Mapping[str, Any]], **asked: Any) -> wb.TuneResult:
     """Return what `tune` finds.
 
     Args:

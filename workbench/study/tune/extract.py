@@ -26,7 +26,7 @@ from workbench.point.trim.request import trim
 from workbench.study.commands import command
 from workbench.system.model import SystemModel
 
-__all__ = ["Extracted", "ExtractJob", "extract"]
+__all__ = ["ExtractJob", "Extracted", "extract"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -97,7 +97,7 @@ class LinearFamily:
         rest, n, p = self.rest, len(self.rest.A), len(blocks)
         whole = np.block([[rest.A, rest.B], [rest.C, rest.D]])
         q, m = rest.D.shape[0] - p, rest.D.shape[1] - p
-        p11, p12, p21, p22 = _augmented(whole, n, nk, q, m)
+        p11, p12, p21, p22 = parts = _augmented(whole, n, nk, q, m)
         size = np.eye(len(p22)) - p22 @ k
         if len(size) and np.linalg.cond(size) > 1.0 / np.finfo(float).eps:
             raise InputError("the blocks are in an algebraic loop that has no solution with these values")
@@ -105,10 +105,13 @@ class LinearFamily:
         left = p12 @ np.linalg.inv(np.eye(len(k)) - k @ p22)
         closed = p11 + p12 @ k @ right
         changes = {full: change for i in range(p) for full, change in self._by_parameters(i, blocks, orders, values)}
-        others = {name: self._moved(slope, n, nk, q, m, k) for name, slope in self.slopes.items()}
+        others = {
+            name: _moved(parts, _augmented(whole + slope, n, nk, q, m), k) for name, slope in self.slopes.items()
+        }  # fmt: skip
         system = Linear(
             closed[: n + nk, : n + nk], closed[: n + nk, n + nk :], self.sign * closed[n + nk :, : n + nk],
-            self.sign * closed[n + nk :, n + nk :], input_names=rest.input_names[:m], output_names=rest.output_names[:q],
+            self.sign * closed[n + nk :, n + nk :], input_names=rest.input_names[:m],
+            output_names=rest.output_names[:q],
         )  # fmt: skip
         out = np.concatenate([np.ones(n + nk), np.full(q, self.sign)])[:, None]
         return Member(system, out * left, right, changes, {name: out * d for name, d in others.items()})
@@ -128,20 +131,19 @@ class LinearFamily:
                 result.append((full, _stacked(change, orders)))
         return result
 
-    def _moved(self, slope: Floats, n: int, nk: int, q: int, m: int, k: Floats) -> Floats:
-        """Return dM by a parameter of the rest: d of M = P₁₁ + P₁₂K(1 − P₂₂K)⁻¹P₂₁ by P."""
-        rest = self.rest
-        whole = np.block([[rest.A, rest.B], [rest.C, rest.D]])
-        width = 1e-6 * (np.abs(whole).max(initial=1.0) / max(np.abs(slope).max(initial=0.0), 1e-300))
 
-        def closed(step: float) -> Floats:
-            p11, p12, p21, p22 = _augmented(whole + step * slope, n, nk, q, m)
-            return np.asarray(p11 + p12 @ k @ np.linalg.solve(np.eye(len(p22)) - p22 @ k, p21))
-
-        return np.asarray((closed(width) - closed(-width)) / (2.0 * width))
+_Parts = tuple[Floats, Floats, Floats, Floats]
 
 
-def _augmented(whole: Floats, n: int, nk: int, q: int, m: int) -> tuple[Floats, Floats, Floats, Floats]:
+def _moved(parts: _Parts, others: _Parts, k: Floats) -> Floats:
+    """Return dM where P moves to another one: [1, P₁₂KS] dP [1; KSP₂₁], S = (1 − P₂₂K)⁻¹."""
+    _, p12, p21, p22 = parts
+    ks = k @ np.linalg.inv(np.eye(len(p22)) - p22 @ k)
+    d11, d12, d21, d22 = (other - part for part, other in zip(parts, others, strict=True))
+    return np.asarray(d11 + d12 @ ks @ p21 + p12 @ ks @ (d21 + d22 @ ks @ p21))
+
+
+def _augmented(whole: Floats, n: int, nk: int, q: int, m: int) -> _Parts:
     """Return P₁₁ … P₂₂ of a system [A B; C D] with the integrators of the blocks' states."""
     x, w, v = slice(0, n), slice(n, n + m), slice(n + m, None)
     z, e = slice(n, n + q), slice(n + q, None)

@@ -104,7 +104,7 @@ def minimax(
         Where it ended; None: nothing is defined at z.
 
     Source: P. Apkarian, D. Noll, Nonsmooth H∞ synthesis, IEEE Trans. Automatic Control 51 (2006); the quadratic
-    programme is a least-distance problem: C. L. Lawson, R. J. Hanson, Solving Least Squares Problems (1974), chapter 23.
+    programme is a least-distance problem: C. L. Lawson, R. J. Hanson, Solving Least Squares Problems (1974), ch. 23.
     """
     first = evaluate(z)
     if first is None:

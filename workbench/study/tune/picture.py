@@ -60,9 +60,9 @@ def _requirements(ax: Axes, shown: tuple[TunedRequirement, ...]) -> None:
     ax.legend(**LEGEND)
 
 
-def _part(value: float | bool | str | None, r: TunedRequirement) -> float:
+def _part(value: object, r: TunedRequirement) -> float:
     limit = next((r.limit[n] for n in ("min", "max", "equal") if n in r.limit), None)
-    if isinstance(value, bool | str) or value is None or not isinstance(limit, int | float) or limit == 0.0:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not isinstance(limit, int | float) or not limit:
         return float("nan")
     part = float(value) / float(limit)
     return part if abs(part) < 10.0 else float("nan")

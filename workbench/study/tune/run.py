@@ -63,7 +63,7 @@ def run(system: str | Path, request: Tune, job: Job) -> TuneResult:
     ):
         described = read_system(system)
         problem = TuneProblem(study, models, described, free, evaluator)
-        work = _TuneRun(problem, request, job, evaluator, finished, described.name)
+        work = _TuneRun(problem, request, job, evaluator=evaluator, finished=finished, system=described.name)
         result = work.done()
     if request.out is not None:
         write_tuned(str(system), result.values, Path(request.out))
@@ -103,13 +103,13 @@ def _free(system: str | Path, request: Tune, change: Change) -> FreeValues:
     with load(system) as model:
         check_variables(model, wanted, "parameter", "variable", what="free", number=True)
         known = variables_of(model)
-        for name, (low, high) in wanted.items():
+        for name, limits in wanted.items():
             variable = known[name]
             start = given.get(name, model.start_values.get(name, variable.start))
             if variable.causality == "input" or variable.type not in FLOAT_TYPES or not isinstance(start, int | float):
                 raise InputError(f"free: '{name}' is not a real parameter with a value")
-            low = max(low, -math.inf if variable.minimum is None else variable.minimum)
-            high = min(high, math.inf if variable.maximum is None else variable.maximum)
+            low = max(limits[0], -math.inf if variable.minimum is None else variable.minimum)
+            high = min(limits[1], math.inf if variable.maximum is None else variable.maximum)
             result.append(scaled(name, variable, float(start), low, high))
     return FreeValues(tuple(result))
 
@@ -118,7 +118,7 @@ class _TuneRun:
     """A tuning under way."""
 
     def __init__(
-        self, problem: TuneProblem, request: Tune, job: Job, evaluator: Evaluator, finished: Finished, system: str
+        self, problem: TuneProblem, request: Tune, job: Job, *, evaluator: Evaluator, finished: Finished, system: str
     ) -> None:
         self._problem, self._request, self._job = problem, request, job
         self._evaluator, self._finished = evaluator, finished
@@ -262,7 +262,7 @@ class _TuneRun:
             system=self._system,
             study=problem.study.name,
             parameters=tuple(_parameters(problem.free, z)),
-            requirements=tuple(_requirements(problem, self._request, z, end, before, after)),
+            requirements=tuple(_requirements(problem, self._request, z, end, list(zip(before, after, strict=True)))),
             objective=max(every, default=None),
             history=() if end is None else end.values,
             starts=tuple(_start(problem, d) for d in self._searches),
@@ -294,10 +294,9 @@ def _requirements(
     request: Tune,
     z: Floats,
     end: MinimaxEnd | None,
-    before: Sequence[Compliance],
-    after: Sequence[Compliance],
+    found: Sequence[tuple[Compliance, Compliance]],
 ) -> Iterator[TunedRequirement]:
-    for k, (question, was, now) in enumerate(zip(problem.questions, before, after, strict=True)):
+    for k, (question, (was, now)) in enumerate(zip(problem.questions, found, strict=True)):
         active = end is not None and end.weights.get(k, 0.0) > _HOLDS
         yield TunedRequirement(
             name=question.requirement.name, at=question.point.label, kind=question.requirement.kind,

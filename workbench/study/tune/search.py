@@ -137,7 +137,7 @@ def conflict_of(problem: TuneProblem, end: MinimaxEnd, names: Sequence[str], mos
         if found is not None and found.value > _MET:
             pair = _trade_off(problem, found, group, most) if len(group) == 2 else None
             return Conflict(requirements=group, excess=found.value, trade_off=pair)
-    if len(holding) < 3 or end.value <= _MET and end.hard <= _MET:
+    if len(holding) < 3 or (end.value <= _MET and end.hard <= _MET):
         return None
     return Conflict(requirements=tuple(holding), excess=max(end.value, end.hard))
 
