@@ -26,7 +26,7 @@ from workbench.errors import InputError
 from workbench.jobs.options import Workers
 from workbench.study.requirements import KINDS
 from workbench.study.tune.family import LinearFamily, Member
-from workbench.study.tune.minimax import Piece, minimax
+from workbench.study.tune.minimax import SmoothPiece, minimax
 from workbench.study.tune.readings import closed_poles, readings
 from workbench.system.description import BlockComponent, GainComponent
 
@@ -34,14 +34,14 @@ HERE = Workers(in_process=True)
 LIMITS = (np.full(2, -10.0), np.full(2, 10.0))
 
 
-def piece(value: float, slope: list[float], owner: int = 0, place: complex = 1.0) -> Piece:
-    return Piece(value, np.array(slope), place, owner)
+def piece(value: float, slope: list[float], owner: int = 0, place: complex = 1.0) -> SmoothPiece:
+    return SmoothPiece(value, np.array(slope), place, owner)
 
 
 # -- the least maximum -----------------------------------------------------------------------------
 
 
-def charalambous(z: Floats) -> list[Piece]:
+def charalambous(z: Floats) -> list[SmoothPiece]:
     """Charalambous and Conn's second problem, whose least maximum is 1.9522245."""
     a, b = z.tolist()
     e = 2.0 * math.exp(b - a)
@@ -52,7 +52,7 @@ def charalambous(z: Floats) -> list[Piece]:
     ]
 
 
-def curved(z: Floats) -> list[Piece]:
+def curved(z: Floats) -> list[SmoothPiece]:
     """Rosenbrock's function with a kink along its valley."""
     a, b = z.tolist()
     return [
@@ -61,14 +61,14 @@ def curved(z: Floats) -> list[Piece]:
     ]
 
 
-def smooth(z: Floats) -> list[Piece]:
+def smooth(z: Floats) -> list[SmoothPiece]:
     a, b = z.tolist()
     return [piece(100.0 * (b - a * a) ** 2 + (1.0 - a) ** 2,
                   [-400.0 * a * (b - a * a) - 2.0 * (1.0 - a), 200.0 * (b - a * a)])]  # fmt: skip
 
 
 @pytest.mark.parametrize(("problem", "least"), [(charalambous, 1.9522245), (curved, 0.0), (smooth, 0.0)])
-def test_the_least_maximum_of_known_problems(problem: Callable[[Floats], list[Piece]], least: float) -> None:
+def test_the_least_maximum_of_known_problems(problem: Callable[[Floats], list[SmoothPiece]], least: float) -> None:
     found = minimax(problem, np.array([-1.2, 1.0]), LIMITS)
     assert found is not None
     assert found.converged
@@ -76,7 +76,7 @@ def test_the_least_maximum_of_known_problems(problem: Callable[[Floats], list[Pi
 
 
 def test_hard_pieces_are_met_and_their_multipliers_are_known() -> None:
-    def problem(z: Floats) -> list[Piece]:
+    def problem(z: Floats) -> list[SmoothPiece]:
         a, b = z.tolist()
         distance = piece((a - 2.0) ** 2 + (b - 1.0) ** 2, [2.0 * (a - 2.0), 2.0 * (b - 1.0)])
         return [distance, piece(a * a - b, [2.0 * a, -1.0], 1), piece(a + b - 2.0, [1.0, 1.0], 2)]
@@ -89,7 +89,7 @@ def test_hard_pieces_are_met_and_their_multipliers_are_known() -> None:
 
 
 def test_where_nothing_is_defined_is_not_entered() -> None:
-    def problem(z: Floats) -> list[Piece] | None:
+    def problem(z: Floats) -> list[SmoothPiece] | None:
         return None if z[0] < 0.5 else [piece(float(z[0] ** 2 + z[1] ** 2), (2.0 * z).tolist())]
 
     found = minimax(problem, np.array([3.0, 3.0]), LIMITS)

@@ -11,7 +11,7 @@ from scipy.optimize import nnls
 
 from workbench.core.values.arrays import Floats
 
-__all__ = ["Evaluation", "MinimaxEnd", "Piece", "minimax"]
+__all__ = ["Evaluation", "MinimaxEnd", "SmoothPiece", "minimax"]
 
 _CURVED = 1e-3  # curvature of t in the quadratic programme, which makes it strictly convex; its t is then off by 1e-3·t
 _PENALTY = 100.0  # of a violated hard piece against a soft one
@@ -23,7 +23,7 @@ _STILL = 12  # steps in a row that gain less than `tolerance`, after which a sea
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class SmoothPiece:
     """One smooth function at a point.
 
     Attributes:
@@ -40,7 +40,7 @@ class Piece:
 
 
 # The pieces at a point; None: they are not defined there (a loop is unstable, a run failed).
-Evaluation = Callable[[Floats], Sequence[Piece] | None]
+Evaluation = Callable[[Floats], Sequence[SmoothPiece] | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ class MinimaxEnd:
     value: float
     hard: float
     weights: dict[int, float]
-    pieces: Sequence[Piece]
+    pieces: Sequence[SmoothPiece]
     evaluations: int
     values: tuple[float, ...]
     converged: bool
@@ -111,7 +111,7 @@ def minimax(
         return None
     if all(p.owner in hard for p in first):
         hard = frozenset()
-    search = _Search(z, first, hard, limits, radius)
+    search = _MinimaxSearch(z, first, hard, limits, radius)
     count, still = 1, 0
     while count < most and search.radius > _SMALL and still < _STILL and search.value > enough:
         step, predicted, weights = search.step()
@@ -127,11 +127,16 @@ def minimax(
     return search.ended(count, converged=search.radius <= _SMALL or still >= _STILL)
 
 
-class _Search:
+class _MinimaxSearch:
     """A search under way."""
 
     def __init__(
-        self, z: Floats, pieces: Sequence[Piece], hard: frozenset[int], limits: tuple[Floats, Floats], radius: float
+        self,
+        z: Floats,
+        pieces: Sequence[SmoothPiece],
+        hard: frozenset[int],
+        limits: tuple[Floats, Floats],
+        radius: float,
     ) -> None:
         self.z, self.pieces, self.radius = z, pieces, radius
         self._hard, self._limits = hard, limits
@@ -194,7 +199,7 @@ class _Search:
         self.radius *= 0.1 if known else 1.0
         return known
 
-    def take(self, step: Floats, tried: Sequence[Piece] | None, predicted: float) -> float:
+    def take(self, step: Floats, tried: Sequence[SmoothPiece] | None, predicted: float) -> float:
         """Go the step if it holds what it promises, and return what was gained."""
         long = float(np.abs(step).max())
         if tried is None:
@@ -215,7 +220,7 @@ class _Search:
         self.values.append(self.merit)
         return gained
 
-    def _learn(self, step: Floats, tried: Sequence[Piece]) -> None:
+    def _learn(self, step: Floats, tried: Sequence[SmoothPiece]) -> None:
         """Keep the slopes of a refused step, lowered where they would lie above what is known here."""
         top = {False: self.value, True: max(0.0, _largest(self.pieces, self._hard)[1])}
         for p in tried:
@@ -225,7 +230,7 @@ class _Search:
                 self._cuts.append((min(here, top[is_hard]), p.slope, is_hard))
         self._cuts = self._cuts[-_CUTS:]
 
-    def _bend(self, step: Floats, tried: Sequence[Piece]) -> None:
+    def _bend(self, step: Floats, tried: Sequence[SmoothPiece]) -> None:
         """Update the curvature by how the pieces that count have turned, with Powell's damping."""
         turned = np.zeros(len(step))
         for piece, weight in zip(self.pieces, self.weights, strict=False):
@@ -244,19 +249,19 @@ class _Search:
             self._curvature = 0.5 * (result + result.T) + np.eye(len(step)) * 1e-9 * size
 
 
-def _same(piece: Piece, others: Sequence[Piece]) -> Piece | None:
+def _same(piece: SmoothPiece, others: Sequence[SmoothPiece]) -> SmoothPiece | None:
     """Return the piece of the same owner at the nearest place; None: there is none near."""
     own = [p for p in others if p.owner == piece.owner]
     nearest = min(own, key=lambda p: abs(p.place - piece.place), default=None)
     return nearest if nearest is not None and abs(nearest.place - piece.place) <= _NEAR * abs(piece.place) else None
 
 
-def _largest(pieces: Sequence[Piece], hard: frozenset[int]) -> tuple[float, float]:
+def _largest(pieces: Sequence[SmoothPiece], hard: frozenset[int]) -> tuple[float, float]:
     soft = max((p.value for p in pieces if p.owner not in hard), default=-math.inf)
     return soft, max((p.value for p in pieces if p.owner in hard), default=-math.inf)
 
 
-def _merit(pieces: Sequence[Piece], hard: frozenset[int]) -> float:
+def _merit(pieces: Sequence[SmoothPiece], hard: frozenset[int]) -> float:
     soft, above = _largest(pieces, hard)
     return soft + _PENALTY * max(0.0, above)
 

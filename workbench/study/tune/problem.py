@@ -26,8 +26,8 @@ from workbench.study.requirements.response import UNITS, Mask
 from workbench.study.run import applies, finding_of
 from workbench.study.tune.extract import Extracted, ExtractJob, extract
 from workbench.study.tune.family import LinearFamily, Member
-from workbench.study.tune.minimax import Piece
-from workbench.study.tune.readings import Reading, closed_poles, is_linear, readings, scale_of
+from workbench.study.tune.minimax import SmoothPiece
+from workbench.study.tune.readings import Distance, closed_poles, is_linear, readings, scale_of
 from workbench.system.description import Component, SystemDescription
 from workbench.system.parameters import with_parameters
 
@@ -171,19 +171,19 @@ class TuneProblem:
         self.evaluations += 1
         return {run: self._families[run, key].at(values) for run in runs if (run, key) in self._families}
 
-    def instability(self, z: Floats) -> list[Piece]:
+    def instability(self, z: Floats) -> list[SmoothPiece]:
         """Return the real parts of all poles over the natural frequency in the middle, as pieces."""
         result = []
         for run, member in self.members(z).items():
             result += self._borders(member, closed_poles(member, loop=_is_loop(run)), z, -math.inf)
         return result
 
-    def _borders(self, member: Member, found: Sequence[Reading], z: Floats, least: float = _NEAR) -> list[Piece]:
+    def _borders(self, member: Member, found: Sequence[Distance], z: Floats, least: float = _NEAR) -> list[SmoothPiece]:
         rate = float(np.median([abs(r.place) for r in found])) if found else 1.0
         near = [r for r in found if r.value > least * rate]
-        return [Piece(r.value / rate, self._slope(member, r.weight, z) / rate, r.place, STABILITY) for r in near]
+        return [SmoothPiece(r.value / rate, self._slope(member, r.weight, z) / rate, r.place, STABILITY) for r in near]
 
-    def pieces(self, z: Floats, only: Sequence[str] | None = None) -> list[Piece] | None:
+    def pieces(self, z: Floats, only: Sequence[str] | None = None) -> list[SmoothPiece] | None:
         """Return the linear requirements; None: a linear model is unstable there.
 
         Args:
@@ -204,10 +204,10 @@ class TuneProblem:
             member, scale = members[question.runs[0]], question.own_scale
             found = readings(question.requirement, member)
             own = [
-                Piece(max(-r.value / scale, _AMPLE), -self._slope(member, r.weight, z) / scale, r.place, number)
+                SmoothPiece(max(-r.value / scale, _AMPLE), -self._slope(member, r.weight, z) / scale, r.place, number)
                 for r in found if math.isfinite(r.value)
             ]  # fmt: skip
-            result += own or [Piece(_AMPLE, np.zeros(len(z)), 0.0, number)]
+            result += own or [SmoothPiece(_AMPLE, np.zeros(len(z)), 0.0, number)]
         return result
 
     def _slope(self, member: Member, weight: Floats, z: Floats) -> Floats:
@@ -326,7 +326,7 @@ class TuneProblem:
             result.append(found)
         return result
 
-    def mixed_pieces(self, z: Floats) -> list[Piece] | None:
+    def mixed_pieces(self, z: Floats) -> list[SmoothPiece] | None:
         """Return all requirements, those that are not linear with differences of measurements for derivatives.
 
         None: a linear model is unstable there, or something could not be measured.
@@ -337,7 +337,7 @@ class TuneProblem:
         _, high = self.free.limits
         sides = np.where(z + _WIDTH <= high, 1.0, -1.0) * _WIDTH
         here, *beside = self.measured([z, *(z + np.eye(len(z))[k] * sides[k] for k in range(len(z)))], all_of=False)
-        result: list[Piece] = list(linear)
+        result: list[SmoothPiece] = list(linear)
         for number, question in enumerate(self.questions):
             if question.linear:
                 continue
@@ -346,7 +346,7 @@ class TuneProblem:
                 return None
             others = [question.scaled(found[number]) for found in beside]
             slope = [0.0 if o is None else (o - value) / side for o, side in zip(others, sides.tolist(), strict=True)]
-            result.append(Piece(value, np.array(slope), 1.0, number))
+            result.append(SmoothPiece(value, np.array(slope), 1.0, number))
         return result
 
 

@@ -27,7 +27,7 @@ from workbench.study.requirements.norms import H2Norm, HInfinityNorm, TransferNo
 from workbench.study.requirements.response import Bandwidth, Gain, Mask, OfResponse, Phase
 from workbench.study.tune.family import Member
 
-__all__ = ["Reading", "closed_poles", "is_linear", "readings", "scale_of"]
+__all__ = ["Distance", "closed_poles", "is_linear", "readings", "scale_of"]
 
 _AT_REST = 1e-9  # of the fastest pole: what rounding makes of an integrator
 _DENSE = 30  # frequencies per decade that are looked at, besides those around the poles
@@ -41,7 +41,7 @@ _NONE = {"1": 0.1, "1/s": 1.0}  # likewise where the limit is 0
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
+class Distance:
     """A number at one place.
 
     Attributes:
@@ -78,7 +78,7 @@ def is_linear(requirement: Requirement, command: str, options: Mapping[str, obje
     return command in ("lin", "loop") and type(requirement) in _READERS and not measured and "over" not in options
 
 
-def readings(requirement: Requirement, member: Member) -> list[Reading]:
+def readings(requirement: Requirement, member: Member) -> list[Distance]:
     """Return the distances inside the limits, negative outside, at every place that counts.
 
     Args:
@@ -99,12 +99,12 @@ def readings(requirement: Requirement, member: Member) -> list[Reading]:
     result = []
     for r in found:
         if low is not None:
-            result.append(Reading(r.value - low, r.weight, r.place))
+            result.append(Distance(r.value - low, r.weight, r.place))
         if high is not None:
-            result.append(Reading(high - r.value, -r.weight, r.place))
+            result.append(Distance(high - r.value, -r.weight, r.place))
         if equal is not None:
             side = math.copysign(1.0, r.value - equal)
-            result.append(Reading(float(width or 0.0) - abs(r.value - equal), -side * r.weight, r.place))
+            result.append(Distance(float(width or 0.0) - abs(r.value - equal), -side * r.weight, r.place))
     return result
 
 
@@ -113,7 +113,7 @@ def readings(requirement: Requirement, member: Member) -> list[Reading]:
 
 def _of_poles(
     member: Member, value: Callable[[complex], tuple[float, complex]], band: Sequence[float] | None = None
-) -> Iterator[Reading]:
+) -> Iterator[Distance]:
     """Yield a number of each pole.
 
     Args:
@@ -131,10 +131,10 @@ def _of_poles(
             number, c = value(pole)
             weight = np.zeros((rows, columns))
             weight[: len(poles), : len(poles)] = np.real(c * np.outer(left[:, k].conj(), right[:, k]))
-            yield Reading(number, weight, pole)
+            yield Distance(number, weight, pole)
 
 
-def closed_poles(member: Member, *, loop: bool) -> list[Reading]:
+def closed_poles(member: Member, *, loop: bool) -> list[Distance]:
     """Return the real parts of the poles, integrators left out [1/s].
 
     Args:
@@ -149,7 +149,7 @@ def closed_poles(member: Member, *, loop: bool) -> list[Reading]:
     closed = Member(Linear(a - into @ c, np.zeros((n, 0)), np.zeros((0, n)), np.zeros((0, 0))), np.zeros((n, 0)),
                     np.zeros((0, n)), {}, {})  # fmt: skip
     above, beside = np.vstack([np.eye(n), -into.T]), np.hstack([np.eye(n), -out.T])
-    return [Reading(r.value, above @ r.weight @ beside, r.place) for r in _of_poles(closed, _real_part)]
+    return [Distance(r.value, above @ r.weight @ beside, r.place) for r in _of_poles(closed, _real_part)]
 
 
 def _real_part(pole: complex) -> tuple[float, complex]:
@@ -220,7 +220,7 @@ def _peaks(size: Callable[[Floats], Floats], grid: Floats, ends: Sequence[float]
     return [(float(places[k]), float(found[k])) for k in order]
 
 
-def _singular(requirement: TransferNorm, member: Member) -> Iterator[Reading]:
+def _singular(requirement: TransferNorm, member: Member) -> Iterator[Distance]:
     """Yield the singular values at the peaks of the largest one."""
     system = member.system
     columns = numbers_of("input", requirement.inputs, system.input_names)
@@ -242,10 +242,10 @@ def _singular(requirement: TransferNorm, member: Member) -> Iterator[Reading]:
             if s[k] > 0.8 * peak:
                 out, into = np.zeros(q, dtype=np.complex128), np.zeros(m, dtype=np.complex128)
                 out[rows], into[columns] = u[:, k], vh[k].conj()
-                yield Reading(float(s[k]), _rank_one(member, hz, out, into), hz)
+                yield Distance(float(s[k]), _rank_one(member, hz, out, into), hz)
 
 
-def _variance(requirement: TransferNorm, member: Member) -> Iterator[Reading]:
+def _variance(requirement: TransferNorm, member: Member) -> Iterator[Distance]:
     from scipy.linalg import solve_continuous_lyapunov  # noqa: PLC0415 - slow to import
 
     part = requirement.part(member.system)
@@ -260,7 +260,7 @@ def _variance(requirement: TransferNorm, member: Member) -> Iterator[Reading]:
     weight[:n, :n] = seen @ moved / norm
     weight[:n, [n + k for k in columns]] = seen @ part.B / norm
     weight[[n + k for k in rows], :n] = part.C @ moved / norm
-    yield Reading(norm if not np.any(part.D) else math.inf, weight, 1.0)
+    yield Distance(norm if not np.any(part.D) else math.inf, weight, 1.0)
 
 
 # -- loops -----------------------------------------------------------------------------------------
@@ -277,14 +277,14 @@ def _along(system: Linear, hz: float) -> complex:
     return complex(-2j * math.pi * (system.C @ resolvent(system.A, x, s)[0])[0, 0])
 
 
-def _gain_margin(_: Requirement, member: Member) -> Iterator[Reading]:
+def _gain_margin(_: Requirement, member: Member) -> Iterator[Distance]:
     loop = _part(member.system)
     for crossing in margins_of(loop, peaks=False).phase_crossovers:
         if crossing.factor > 1.0:
             hz = crossing.frequency_hz
             rate = _along(member.system, hz) if 0.0 < hz < math.inf else 0j
             c = complex(1.0, rate.real / rate.imag) if rate.imag != 0.0 else 1.0
-            yield Reading(crossing.db, _of_value(member, hz, _DB * crossing.factor * c), hz)
+            yield Distance(crossing.db, _of_value(member, hz, _DB * crossing.factor * c), hz)
 
 
 def _gain_crossings(member: Member) -> Iterator[tuple[float, float, float, Floats, Floats]]:
@@ -304,27 +304,27 @@ def _gain_crossings(member: Member) -> Iterator[tuple[float, float, float, Float
         )  # fmt: skip
 
 
-def _phase_margin(_: Requirement, member: Member) -> Iterator[Reading]:
+def _phase_margin(_: Requirement, member: Member) -> Iterator[Distance]:
     nearest = True
     for hz, margin, _delay, phase, _f in sorted(_gain_crossings(member), key=lambda c: abs(c[1])):
         sign = 1.0 if nearest else math.copysign(1.0, margin)  # of the others only the distance counts
-        yield Reading(sign * margin, sign * phase, hz)
+        yield Distance(sign * margin, sign * phase, hz)
         nearest = False
 
 
-def _delay_margin(_: Requirement, member: Member) -> Iterator[Reading]:
+def _delay_margin(_: Requirement, member: Member) -> Iterator[Distance]:
     for hz, _margin, delay, phase, moved in _gain_crossings(member):
-        yield Reading(delay, phase / 360.0 / hz - delay / hz * moved, hz)
+        yield Distance(delay, phase / 360.0 / hz - delay / hz * moved, hz)
 
 
-def _sensitivity(_: Requirement, member: Member) -> Iterator[Reading]:
+def _sensitivity(_: Requirement, member: Member) -> Iterator[Distance]:
     loop = _part(member.system)
     for hz, size in _peaks(lambda f: 1.0 / np.abs(1.0 + loop.response(f)), _closed_grid(loop), (math.inf,)):
         s = 1.0 / (1.0 + loop.at(hz))
-        yield Reading(size, _of_value(member, hz, -np.conj(s) / abs(s) * s * s), hz)
+        yield Distance(size, _of_value(member, hz, -np.conj(s) / abs(s) * s * s), hz)
 
 
-def _disk_margin(_: Requirement, member: Member) -> Iterator[Reading]:
+def _disk_margin(_: Requirement, member: Member) -> Iterator[Distance]:
     loop = _part(member.system)
 
     def size(f: Floats) -> Floats:
@@ -335,7 +335,7 @@ def _disk_margin(_: Requirement, member: Member) -> Iterator[Reading]:
         value = loop.at(hz)
         x = (1.0 - value) / (1.0 + value)
         c = np.conj(x) / abs(x) * -2.0 / (1.0 + value) ** 2
-        yield Reading(2.0 / largest, _of_value(member, hz, -2.0 / largest**2 * c), hz)
+        yield Distance(2.0 / largest, _of_value(member, hz, -2.0 / largest**2 * c), hz)
 
 
 def _closed_grid(loop: LinearPart) -> Floats:
@@ -368,15 +368,15 @@ def _of_curve(member: Member, f: Floats, place: tuple[int, int], quantity: str) 
     return np.asarray(_DB * np.log(np.abs(value)) if quantity == "gain" else unwrapped(value))
 
 
-def _at_frequency(requirement: Requirement, member: Member) -> Iterator[Reading]:
+def _at_frequency(requirement: Requirement, member: Member) -> Iterator[Distance]:
     assert isinstance(requirement, Gain | Phase)  # noqa: S101 - by `_READERS`
     place, hz = _places(requirement, member.system), requirement.frequency
     f, curve = _curve(member, [hz], place, requirement.quantity)
     value = float(curve[np.searchsorted(f, hz)])
-    yield Reading(value, _derivative(member, hz, place, requirement.quantity), hz)
+    yield Distance(value, _derivative(member, hz, place, requirement.quantity), hz)
 
 
-def _mask(requirement: Requirement, member: Member) -> Iterator[Reading]:
+def _mask(requirement: Requirement, member: Member) -> Iterator[Distance]:
     assert isinstance(requirement, Mask)  # noqa: S101 - by `_READERS`
     place = _places(requirement, member.system)
     f, curve = _curve(member, requirement.corners, place, requirement.quantity)
@@ -397,10 +397,10 @@ def _mask(requirement: Requirement, member: Member) -> Iterator[Reading]:
             values = _of_curve(member, own, place, requirement.quantity)
         for k in least:
             hz = float(own[k])
-            yield Reading(float(margin[k]), sign * _derivative(member, hz, place, requirement.quantity), hz)
+            yield Distance(float(margin[k]), sign * _derivative(member, hz, place, requirement.quantity), hz)
 
 
-def _bandwidth(requirement: Requirement, member: Member) -> Iterator[Reading]:
+def _bandwidth(requirement: Requirement, member: Member) -> Iterator[Distance]:
     assert isinstance(requirement, Bandwidth)  # noqa: S101 - by `_READERS`
     place, quantity = _places(requirement, member.system), requirement.criterion
     f, curve = _curve(member, (), place, quantity)
@@ -410,7 +410,7 @@ def _bandwidth(requirement: Requirement, member: Member) -> Iterator[Reading]:
     below = np.flatnonzero(curve <= level)
     if not len(below) or below[0] == 0:
         value = float(f[0] if len(below) else f[-1])
-        yield Reading(value, np.zeros((len(member.left), member.right.shape[1])), value)
+        yield Distance(value, np.zeros((len(member.left), member.right.shape[1])), value)
         return
     k, first = int(below[0]), float(f[0])
     for _ in range(3):  # the straight line of the study, between points that draw closer: it tends to the crossing
@@ -423,10 +423,10 @@ def _bandwidth(requirement: Requirement, member: Member) -> Iterator[Reading]:
     change = _derivative(member, hz, place, quantity)
     if free:
         change = change - _derivative(member, first, place, quantity)
-    yield Reading(hz, -hz / rate * change, hz)
+    yield Distance(hz, -hz / rate * change, hz)
 
 
-_READERS: Mapping[type[Requirement], Callable[..., Iterator[Reading]]] = {
+_READERS: Mapping[type[Requirement], Callable[..., Iterator[Distance]]] = {
     StabilityRequirement: lambda requirement, member: _of_poles(member, _real_part, requirement.band),
     Damping: lambda requirement, member: _of_poles(member, _damping, requirement.band),
     PoleFrequency: lambda requirement, member: _of_poles(member, _frequency, requirement.band),

@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
-from workbench.study.tune.minimax import MinimaxEnd, Piece, minimax
+from workbench.study.tune.minimax import MinimaxEnd, SmoothPiece, minimax
 from workbench.study.tune.problem import STABILITY, TuneProblem
 from workbench.study.tune.result import Conflict, TradeOff
 
@@ -87,7 +87,7 @@ def made_stable(problem: TuneProblem, z: Floats, most: int) -> Floats | str:
     return f"no values were found with which the pole near {worst.place:.4g} 1/s is stable"
 
 
-def _or_none(problem: TuneProblem, z: Floats) -> list[Piece] | None:
+def _or_none(problem: TuneProblem, z: Floats) -> list[SmoothPiece] | None:
     try:
         return problem.instability(z)
     except InputError:
@@ -172,7 +172,7 @@ def _curve(problem: TuneProblem, meeting: MinimaxEnd, pair: Sequence[str], most:
     z = meeting.z
     for level in np.linspace(0.0, top, _CURVE)[::-1].tolist():
 
-        def lowered(x: Floats, level: float = level) -> list[Piece] | None:
+        def lowered(x: Floats, level: float = level) -> list[SmoothPiece] | None:
             found = problem.pieces(x, pair)
             own = first - {STABILITY}
             return found and [replace(p, value=p.value - level) if p.owner in own else p for p in found]
