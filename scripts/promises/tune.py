@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import chdir
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -336,7 +337,7 @@ def run(*, cases: int = 100, seed: int = 0, planted: int = 20, names: str = "AC1
     for number in range(seed, seed + cases):
         loop = random_loop(number)
         limit = disturbance_limit(loop)
-        grid, _ = best_of_grid(loop, lambda gains, loop=loop, limit=limit: worst_of(loop, gains, limit))
+        grid, _ = best_of_grid(loop, partial(worst_of, loop, limit=limit))
         objective = _objective(loop)
         excess.append((1.0 + objective) / (1.0 + grid) - 1.0 if np.isfinite(objective) or np.isfinite(grid) else 0.0)
         if excess[-1] > 0.02:

@@ -114,7 +114,8 @@ class LinearFamily:
             output_names=rest.output_names[:q],
         )  # fmt: skip
         out = np.concatenate([np.ones(n + nk), np.full(q, self.sign)])[:, None]
-        return Member(system, out * left, right, changes, {name: out * d for name, d in others.items()})
+        left = np.asarray(out * left, dtype=np.float64)
+        return Member(system, left, right, changes, {name: out * d for name, d in others.items()})
 
     def _by_parameters(
         self, i: int, blocks: Sequence[Component], orders: Sequence[int], values: Mapping[str, float]

@@ -49,7 +49,7 @@ def _requirements(ax: Axes, shown: tuple[TunedRequirement, ...]) -> None:
     ):
         x = [_part(v, r) for v, r in zip(values, shown, strict=True)]
         ax.plot(x, rows, "o", color=colour, label=words)
-    for row, r in zip(rows, shown, strict=True):
+    for row, r in enumerate(shown):
         if "min" in r.limit or "max" in r.limit:
             ax.text(1.0, row, " ≥" if "min" in r.limit else "≤ ", va="bottom", fontsize=8.0,
                     ha="left" if "min" in r.limit else "right", color="#b3261e")  # fmt: skip

@@ -7,6 +7,7 @@ import math
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -274,7 +275,7 @@ class TuneProblem:
         scratch = scratch_folder("tune")
         for run in runs:
             for given in sets:
-                options = filled(run.options, lambda reference, run=run: self._file(reference, run, scratch))
+                options = filled(run.options, partial(self._file, run=run, folder=scratch))
                 options["set"] = {**dict(options.get("set", {})), **given}
                 jobs.append(ExtractJob(
                     number=len(jobs), command=run.analysis.command.name, subject=str(run.models[0].model),

@@ -177,7 +177,7 @@ def _rank_one(member: Member, hz: float, out: Complex, into: Complex) -> Floats:
         x, y = np.zeros(len(a), dtype=np.complex128), np.zeros(len(a), dtype=np.complex128)
     else:
         s = member.system.at_frequency(hz)
-        x = resolvent(a, b @ into[:, None] if np.isrealobj(into) else (b @ into)[:, None], s)[0, :, 0]
+        x = resolvent(a, (b @ into)[:, None], s)[0, :, 0]
         y = resolvent(a.T, (c.T @ out.conj())[:, None], s)[0, :, 0]
     return np.real(np.outer(np.concatenate([y, out.conj()]), np.concatenate([x, into])))
 
@@ -185,18 +185,17 @@ def _rank_one(member: Member, hz: float, out: Complex, into: Complex) -> Floats:
 def _of_value(member: Member, hz: float, c: complex, row: int = 0, column: int = 0) -> Floats:
     """Return the derivative of a function f of G at a frequency, df = Re(c dG)."""
     q, m = member.system.D.shape
-    out, into = np.zeros(q, dtype=np.complex128), np.zeros(m)
+    out, into = np.zeros(q, dtype=np.complex128), np.zeros(m, dtype=np.complex128)
     out[row], into[column] = np.conj(c), 1.0
     return _rank_one(member, hz, out, into)
 
 
-def _grid(system: Linear, low: float = 0.0, high: float = math.inf) -> Floats:
+def _grid(system: Linear) -> Floats:
     """Return frequencies around the poles, rising [Hz]."""
     rates = natural_frequency_hz(system.poles)
     rates = rates[rates > _AT_REST * rates.max(initial=0.0)]
-    ends = (rates.min() / 100.0, rates.max() * 100.0) if len(rates) else (0.01, 100.0)
-    ends = max(ends[0], low), min(ends[1], high)
-    broad = np.geomspace(*ends, max(2, int(_DENSE * math.log10(ends[1] / ends[0])))) if ends[1] > ends[0] else []
+    ends = (float(rates.min()) / 100.0, float(rates.max()) * 100.0) if len(rates) else (0.01, 100.0)
+    broad = np.geomspace(ends[0], ends[1], int(_DENSE * math.log10(ends[1] / ends[0])))
     near = np.concatenate([rates * factor for factor in (0.97, 1.0, 1.03)])
     return np.unique(np.concatenate([broad, near[(near > ends[0]) & (near < ends[1])]]))
 
@@ -386,18 +385,21 @@ def _mask(requirement: Requirement, member: Member) -> Iterator[Distance]:
         x, y = np.log([c[0] for c in corners]), [c[1] for c in corners]
         inside = (f >= corners[0][0] * (1.0 - 1e-12)) & (f <= corners[-1][0] * (1.0 + 1e-12))
         own, values = f[inside], curve[inside]
-        for rounds in range(_FINER + 1):
-            margin = sign * (values - np.interp(np.log(own), x, y))
-            padded = np.concatenate([[math.inf], margin, [math.inf]])
-            least = np.flatnonzero((padded[1:-1] <= padded[:-2]) & (padded[1:-1] <= padded[2:]))
-            if rounds == _FINER:
-                break
-            inner = [k for k in least if 0 < k < len(own) - 1]  # a smaller one lies between the neighbours
+        for _ in range(_FINER):  # a smaller one lies between the neighbours of each least distance
+            margin, least = _with_least(sign * (values - np.interp(np.log(own), x, y)))
+            inner = [k for k in least if 0 < k < len(own) - 1]
             own = np.unique(np.concatenate([own, *(np.geomspace(own[k - 1], own[k + 1], 9)[1:-1] for k in inner)]))
             values = _of_curve(member, own, place, requirement.quantity)
+        margin, least = _with_least(sign * (values - np.interp(np.log(own), x, y)))
         for k in least:
             hz = float(own[k])
             yield Distance(float(margin[k]), sign * _derivative(member, hz, place, requirement.quantity), hz)
+
+
+def _with_least(margin: Floats) -> tuple[Floats, list[int]]:
+    """Return distances, and where they are least among their neighbours."""
+    padded = np.concatenate([[math.inf], margin, [math.inf]])
+    return margin, np.flatnonzero((padded[1:-1] <= padded[:-2]) & (padded[1:-1] <= padded[2:])).tolist()
 
 
 def _bandwidth(requirement: Requirement, member: Member) -> Iterator[Distance]:
