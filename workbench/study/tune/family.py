@@ -101,7 +101,7 @@ class LinearFamily:
         size = np.eye(len(p22)) - p22 @ k
         if len(size) and np.linalg.cond(size) > 1.0 / np.finfo(float).eps:
             raise InputError("the blocks are in an algebraic loop that has no solution with these values")
-        right = np.linalg.solve(size, p21)
+        right: Floats = np.asarray(np.linalg.solve(size, p21), dtype=np.float64)
         left = p12 @ np.linalg.inv(np.eye(len(k)) - k @ p22)
         closed = p11 + p12 @ k @ right
         changes = {full: change for i in range(p) for full, change in self._by_parameters(i, blocks, orders, values)}

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 __all__ = ["plot_tuning"]
 
 _MOST = 20  # requirements that are drawn
+_WIDE = 3.0  # what is farther from its limit is drawn there
 
 
 def plot_tuning(result: TuneResult) -> Figure:
@@ -41,31 +42,19 @@ def plot_tuning(result: TuneResult) -> Figure:
 
 
 def _requirements(ax: Axes, shown: tuple[TunedRequirement, ...]) -> None:
-    """Draw values over their limits: the limit is at 1, whatever the unit."""
+    """Draw how far each is beyond its limit: those left of the line are met."""
     rows = np.arange(len(shown))
     for values, colour, words in (
-        ([r.before for r in shown], "#888888", "before"),
-        ([r.after for r in shown], COLOURS[0], "after"),
+        ([r.excess_before for r in shown], "#888888", "before"),
+        ([r.excess for r in shown], COLOURS[0], "after"),
     ):
-        x = [_part(v, r) for v, r in zip(values, shown, strict=True)]
+        x = [np.nan if v is None else max(-_WIDE, min(v, _WIDE)) for v in values]
         ax.plot(x, rows, "o", color=colour, label=words)
-    for row, r in enumerate(shown):
-        if "min" in r.limit or "max" in r.limit:
-            ax.text(1.0, row, " ≥" if "min" in r.limit else "≤ ", va="bottom", fontsize=8.0,
-                    ha="left" if "min" in r.limit else "right", color="#b3261e")  # fmt: skip
-    ax.axvline(1.0, color="#b3261e", linewidth=1.0)
+    ax.axvline(0.0, color="#b3261e", linewidth=1.0, label="limit")
     ax.set_yticks(rows, [f"{r.name} ({r.at})" if r.at else r.name for r in shown])
     ax.set_ylim(len(shown) - 0.5, -0.5)
-    ax.set_xlabel("value / limit")
+    ax.set_xlabel("beyond the limit / scale")
     ax.legend(**LEGEND)
-
-
-def _part(value: object, r: TunedRequirement) -> float:
-    limit = next((r.limit[n] for n in ("min", "max", "equal") if n in r.limit), None)
-    if isinstance(value, bool) or not isinstance(value, int | float) or not isinstance(limit, int | float) or not limit:
-        return float("nan")
-    part = float(value) / float(limit)
-    return part if abs(part) < 10.0 else float("nan")
 
 
 def _trade_off(ax: Axes, pair: TradeOff, names: tuple[str, ...]) -> None:

@@ -50,6 +50,8 @@ class TunedRequirement(RecordPart):
         after: with the values found; None: likewise.
         limit: "min", "max", "equal", "tolerance" → number.
         margin: how far `after` is inside the limit; None: not known.
+        excess_before: how far `before` is beyond the limit, over the scale: at most 0 where it is met; None: not known.
+        excess: the same of `after`; what the search makes small.
         passed: whether it is met.
         active: whether it holds the result: without it others could be met better.
         where: at which frequency, time.
@@ -67,6 +69,8 @@ class TunedRequirement(RecordPart):
     after: float | bool | str | None
     limit: Mapping[str, float | bool | str]
     margin: float | None
+    excess_before: float | None
+    excess: float | None
     passed: bool
     active: bool
     where: str

@@ -301,7 +301,8 @@ def _requirements(
         yield TunedRequirement(
             name=question.requirement.name, at=question.point.label, kind=question.requirement.kind,
             hard=question.requirement.name in request.hard, linear=question.linear, unit=now.unit,
-            before=was.value, after=now.value, limit=dict(now.limit), margin=now.margin, passed=now.passed,
+            before=was.value, after=now.value, limit=dict(now.limit), margin=now.margin,
+            excess_before=question.scaled(was), excess=question.scaled(now), passed=now.passed,
             active=active, where=now.where, reason=now.reason,
             per_percent=_per_percent(problem, question, k, z, end) if active and question.linear else {},
         )  # fmt: skip
