@@ -44,6 +44,7 @@ def tune_page(result: TuneResult) -> Page:
             *_conflict(result),
             *_envelope(result),
             Section("Searches", tables=[_starts(result)], explains=True),
+            Section("Files", tables=[PageTable(("file", "SHA-256"), list(result.files.items()))], explains=True),
         ],
         notes=result.notes,
         kind="tune",

@@ -149,6 +149,7 @@ class TuneResult(Result):
         measured, reused: how many analyses were run, and how many were in the store.
         evaluations: of linear models.
         reason: why the search ended.
+        files: the study and every file that the models consist of → SHA-256.
         notes: what should be known, one line each.
     """
 
@@ -169,6 +170,7 @@ class TuneResult(Result):
     reused: int
     evaluations: int
     reason: str
+    files: Mapping[str, str]
     notes: tuple[str, ...] = ()
 
     _WHAT, _COMMAND = "a tuning", "tune"

@@ -275,6 +275,7 @@ class _TuneRun:
             reused=self._evaluator.reused,
             evaluations=problem.evaluations,
             reason=self._reason,
+            files={problem.study.path.name: problem.study.sha256, **self._evaluator.files},
             notes=(*problem.notes, *self._evaluator.afterwards),
         )  # fmt: skip
 
