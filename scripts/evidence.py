@@ -41,6 +41,7 @@ SHORT: Mapping[str, tuple[Mapping[str, Any], ...]] = {
     "identify": (),
     "rudder": (),
     "calibrate": ({"cases": 2, "every": 7},),
+    "tune": ({"cases": 6, "planted": 3, "names": "AC4,HE1"},),
 }
 
 

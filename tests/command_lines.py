@@ -80,6 +80,19 @@ requirements = [{name = "quick", analysis = "linear", kind = "stability", max = 
 envelope.parameters = {"lag.tau" = {range = [0.5, 2.0], steps = 4}}
 """
 
+TUNED = """
+components.error = {sum = "+-"}
+components.gain = 1.0
+components.lag = "fmu:FirstOrderLag"
+connections = {"gain.u" = "error.y", "lag.u" = "gain.y", "error.u2" = "lag.y"}
+inputs.u = "error.u1"
+outputs.y = "lag.y"
+"""
+WANTED = """
+analyses.linear = {command = "lin", model = "tuned.toml"}
+requirements = [{name = "quick", analysis = "linear", kind = "stability", max = -3.0}]
+"""
+
 LAG_FMU = "fmu:FirstOrderLag"
 SWEEP = "--input u --output y --freq 0.1,0.2 --amplitude 1 --in-process"
 LOUD = "--amplitude 1,2 --freq 0.1,0.2"
@@ -102,6 +115,7 @@ LINES = {
     "modes": (f"modes {LAG_FMU} --vary tau=0.5:2 --points 3 --against tau=1 --in-process", ""),
     "compare": (f"simulate {LAG_FMU} {LAG_FMU} --label one --label two --output y --input u=1 --window 0:1", "motions"),
     "envelope": ("run envelope.toml --jobs 1", "points"),
+    "tune": ("tune tuned.toml --free gain.gain=0.1:10 --study wanted.toml --starts 0 --jobs 1", ""),
     "check": (f"check {LAG_FMU} --interface me --only runs,reset", "checks"),
     "excite": (f"excite {LAG_FMU} --input u --output y --prbs amplitude=1,rate=2 --step 0.05 --in-process", "files"),
     "identify": ("identify data.csv --input u --output y --order 1", ""),
@@ -118,7 +132,8 @@ LINES = {
 
 def write_files(path: Path) -> None:
     """Write the files of `LINES` into a folder."""
-    systems = {"envelope": ENVELOPE, "lags": LAGS, "loop": LOOP, "braked": BRAKED, "master": MASTER}
+    systems = {"envelope": ENVELOPE, "lags": LAGS, "loop": LOOP, "braked": BRAKED, "master": MASTER, "tuned": TUNED}
+    systems["wanted"] = WANTED
     for name, text in systems.items():
         (path / f"{name}.toml").write_text(text, encoding="utf-8")
     (path / "Lag.mo").write_text(LAG, encoding="utf-8")

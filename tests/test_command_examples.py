@@ -27,6 +27,7 @@ SLOW = {
     "check",
     "identify",
     "calibrate",
+    "tune",
     "run",
     "build",
 }

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import workbench as wb
-from tests.command_lines import BRAKED, ENVELOPE, LAG_FMU, LAGS, LINES, LOOP, MASTER
+from tests.command_lines import BRAKED, ENVELOPE, LAG_FMU, LAGS, LINES, LOOP, MASTER, TUNED, WANTED
 from tests.misbehaving_fmus import build_misbehaving
 from workbench.cli.app import run
 from workbench.commands import REQUESTS, request_of
@@ -59,6 +59,7 @@ def words_of(folder: Path, what: str, way: str, call: str) -> list[str]:
     """Return the command line, its FMUs exchanged for one that misbehaves, and write its files."""
     made = build_misbehaving(folder, way, call).rename(folder / "bad.fmu")
     systems = {"envelope": ENVELOPE, "lags": LAGS, "loop": LOOP, "braked": BRAKED, "master": MASTER}
+    systems |= {"tuned": TUNED, "wanted": WANTED}
     for name, text in {**systems, "limited": RATE_LIMITED}.items():
         bad = text.replace(LAG_FMU, made.name).replace('"lag.tau" = {range', '"lag.u" = {range')
         (folder / f"{name}.toml").write_text(bad, encoding="utf-8")

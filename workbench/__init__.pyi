@@ -91,6 +91,7 @@ from workbench.signals.text import parse_signal as parse_signal
 from workbench.study.envelope.request import envelope as envelope
 from workbench.study.run import run_study as run_study
 from workbench.study.schema import schema as schema
+from workbench.study.tune.request import tune as tune
 from workbench.system.connect import connect as connect
 from workbench.system.description import BlockComponent as BlockComponent
 from workbench.system.description import Connection as Connection
@@ -209,6 +210,12 @@ from workbench.study.envelope.result import EnvelopePoint as EnvelopePoint
 from workbench.study.envelope.result import EnvelopeResult as EnvelopeResult
 from workbench.study.envelope.result import WorstCase as WorstCase
 from workbench.study.result import StudyResult as StudyResult
+from workbench.study.tune.result import Conflict as Conflict
+from workbench.study.tune.result import TradeOff as TradeOff
+from workbench.study.tune.result import TunedParameter as TunedParameter
+from workbench.study.tune.result import TunedRequirement as TunedRequirement
+from workbench.study.tune.result import TuneResult as TuneResult
+from workbench.study.tune.result import TuneStart as TuneStart
 from workbench.system.master.model import MasterModel as MasterModel
 from workbench.system.model import SystemModel as SystemModel
 

@@ -53,6 +53,7 @@ GROUPS: Mapping[str, Mapping[str, Mapping[str, str]]] = {
         "calibrate": {"calibrate": "identification.calibrate.request:Calibrate"},
     },
     "Projects": {
+        "tune": {"tune": "study.tune.request:Tune"},
         "run": {"envelope": "study.envelope.request:EnvelopeOf"},
         "build": {
             "build": "build.request:Build",

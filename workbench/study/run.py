@@ -25,7 +25,7 @@ from workbench.study.result import RequirementResult, StudyResult
 if TYPE_CHECKING:
     from workbench.jobs.options import Workers
 
-__all__ = ["StudyRun", "check_runs", "default_store", "finding_of", "run_study"]
+__all__ = ["StudyRun", "applies", "check_runs", "default_store", "finding_of", "run_study"]
 
 
 def default_store(name: str | Path) -> Path:
@@ -219,7 +219,7 @@ def _questions(study: Study, plan: Plan) -> list[RequirementResult]:
         seen: set[tuple[PlannedRun, ...]] = set()
         for k, point in enumerate(plan.points):
             runs = tuple(plan.at[name, k] for name in requirement.analyses)
-            if runs not in seen and _applies(requirement, point):
+            if runs not in seen and applies(requirement, point):
                 seen.add(runs)
                 label, empty = _label(runs), Compliance(value=None)
                 file = baseline_file(study, requirement, label)
@@ -252,7 +252,13 @@ def _renewed(questions: Sequence[RequirementResult], outcomes: Mapping[PlannedRu
     return renew([_answer(q, outcomes) for q in questions if q.baseline is not None], outcomes)
 
 
-def _applies(requirement: Requirement, point: GridPoint) -> bool:
+def applies(requirement: Requirement, point: GridPoint) -> bool:
+    """Return whether a requirement is to be met at a point.
+
+    Args:
+        requirement: of a study.
+        point: of its grid.
+    """
     chosen = requirement.configurations is None or point.configuration in requirement.configurations
     wanted = {name: v if isinstance(v, list) else [v] for name, v in requirement.grid.items()}
     return chosen and all(point.values[name] in values for name, values in wanted.items())

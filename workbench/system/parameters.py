@@ -14,7 +14,7 @@ from workbench.system.components import OpenComponent, Opened, block_part
 from workbench.system.connection_checks import resolve
 from workbench.system.description import BlockComponent, Component, FmuComponent, GainComponent, SystemDescription
 
-__all__ = ["component_parameters", "reparametrised", "with_parameters"]
+__all__ = ["component_parameters", "reparametrised", "with_parameters", "with_values"]
 
 
 def component_parameters(system: SystemDescription) -> tuple[Variable, ...]:
@@ -62,6 +62,28 @@ def with_parameters(
         return system, dict(values)
     components = tuple(_changed(component, own) for component in system.components)
     return replace(system, components=components), {n: v for n, v in values.items() if n not in own}
+
+
+def with_values(system: SystemDescription, values: Mapping[str, Value]) -> SystemDescription:
+    """Return a system whose blocks, gains and FMUs have other parameters.
+
+    Args:
+        system: as it is written down.
+        values: full name → value.
+
+    Raises:
+        InputError: see `with_parameters`.
+    """
+    system, rest = with_parameters(system, values)
+
+    def own(begin: str) -> dict[str, Value]:
+        return {name.removeprefix(begin): value for name, value in rest.items() if name.startswith(begin)}
+
+    components = tuple(
+        replace(part, set={**part.set, **own(f"{part.name}.")}) if isinstance(part, FmuComponent) else part
+        for part in system.components
+    )
+    return replace(system, components=components)
 
 
 def _check_close(system: SystemDescription, name: str) -> None:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
-from workbench.fmi.variable import Value
 from workbench.model import DescribedModel, Model
 from workbench.system.description import FmuComponent, SystemDescription
 from workbench.system.files.ssp_write import write_ssp
 from workbench.system.files.toml_write import write_toml
-from workbench.system.parameters import with_parameters
+from workbench.system.parameters import with_values
 from workbench.system.recipe import SystemRecipe
 
 __all__ = ["system_of", "write_calibrated"]
@@ -47,12 +45,7 @@ def system_of(model: DescribedModel, values: Mapping[str, float]) -> SystemDescr
         values: parameter → value in place of its own.
     """
     if isinstance(model.recipe, SystemRecipe):
-        system, rest = with_parameters(model.recipe.system, {**model.recipe.start_values, **values})
-        components = tuple(
-            replace(part, set={**part.set, **_own(part.name, rest)}) if isinstance(part, FmuComponent) else part
-            for part in system.components
-        )
-        return replace(system, components=components)
+        return with_values(model.recipe.system, {**model.recipe.start_values, **values})
     file = model.source if model.source.startswith("fmu:") else str(Path(model.source).resolve())
     part = FmuComponent(
         name=_NAME, file=file, interface=model.interface, set={**model.start_values, **values},
@@ -62,8 +55,3 @@ def system_of(model: DescribedModel, values: Mapping[str, float]) -> SystemDescr
         name=model.name, components=(part,), inputs={v.name: (f"{_NAME}.{v.name}",) for v in model.inputs},
         outputs={v.name: f"{_NAME}.{v.name}" for v in model.outputs},
     )  # fmt: skip
-
-
-def _own(component: str, values: Mapping[str, Value]) -> dict[str, Value]:
-    begin = f"{component}."
-    return {name.removeprefix(begin): value for name, value in values.items() if name.startswith(begin)}

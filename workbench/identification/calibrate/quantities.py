@@ -17,7 +17,7 @@ from workbench.identification.calibrate.responses import ResponseData
 from workbench.model import DescribedModel, Model
 from workbench.model.names import check_variables, variables_of
 
-__all__ = ["FreeValue", "FreeValues", "quantities_of"]
+__all__ = ["FreeValue", "FreeValues", "quantities_of", "scaled"]
 
 _DECADE = 10.0  # ratio of limits from which on a positive parameter is searched for by its logarithm
 _INSIDE = 1e-6  # of the range: how far from a limit a search begins
@@ -174,14 +174,26 @@ def _parameter(model: Model, variable: Variable, low: float, high: float) -> Fre
         raise InputError(f"free: '{name}' has no start value; give one by start_values")
     low, high = max(low, _or(variable.minimum, -math.inf)), min(high, _or(variable.maximum, math.inf))
     model.with_values({name: float(given)})  # refused now, not in the first run
-    return _scaled(name, variable, float(given), low, high)
+    return scaled(name, variable, float(given), low, high)
 
 
 def _or(value: float | None, other: float) -> float:
     return other if value is None else float(value)
 
 
-def _scaled(name: str, variable: Variable, start: float, low: float, high: float) -> FreeValue:
+def scaled(name: str, variable: Variable, start: float, low: float, high: float) -> FreeValue:
+    """Return a parameter with its coordinate: its logarithm where it is positive and its limits are a decade apart.
+
+    Args:
+        name: for people.
+        variable: that it is.
+        start: where the search begins; the middle of the limits if it is outside of them.
+        low: lower limit.
+        high: upper limit.
+
+    Raises:
+        InputError: there is nothing between the limits.
+    """
     if not low < high:
         raise InputError(f"free: {name}: the limits {low:g}:{high:g} leave nothing between them")
     log = (low > 0.0 and high >= _DECADE * low) or (low == 0.0 and start > 0.0 and math.isinf(high))

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from workbench.identification.calibrate.result import CalibrateResult
     from workbench.response.nfr.result import NfrResult
 
-__all__ = ["Calibrate", "calibrate"]
+__all__ = ["Calibrate", "Free", "calibrate"]
 
 _OPEN = (-math.inf, math.inf)
 _WRITTEN = (".toml", ".ssp")
@@ -90,12 +90,12 @@ _CHANNELS = Form(
 )
 
 if TYPE_CHECKING:
-    _Free = Mapping[str, tuple[float | None, float | None] | str | None] | Sequence[str]
+    Free = Mapping[str, tuple[float | None, float | None] | str | None] | Sequence[str]
     _Channels = Mapping[str, str] | Sequence[str]
     _Set: TypeAlias = Experiment | NfrResult | BlaResult | str | Path
     _Data: TypeAlias = _Set | Sequence[_Set]
 else:
-    _Free = Annotated[object, _FREE]
+    Free = Annotated[object, _FREE]
     _Channels = Annotated[object, _CHANNELS]
     _Data = Annotated[object, FILES]
 
@@ -159,7 +159,7 @@ class Calibrate(AtPoint, InWorkers, ModelRequest["CalibrateResult"]):
         first=True,
     )
     _: KW_ONLY
-    free: _Free = option("Parameter to estimate, with its limits where they are known.", of=EACH, first=True)
+    free: Free = option("Parameter to estimate, with its limits where they are known.", of=EACH, first=True)
     inputs: _Channels | None = option(
         "Input that was measured, with its column; by default every input that is the name of a column.",
         flag="--input",

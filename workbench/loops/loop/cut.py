@@ -89,9 +89,8 @@ class CutLoop:
         recipe = self.model.recipe
         held = {} if self.point is None else self.point.u
         kept = {name: value for name, value in recipe.bias.items() if name not in held}
-        opened = replace(
-            recipe, system=change(_cut(self._system, self.place, make)), bias={**kept, **bias}, at=self.point
-        )
+        changed = recipe.changed(change(_cut(self._system, self.place, make)))
+        opened = replace(changed, bias={**kept, **bias}, at=self.point)
         with opened.open() as model:
             yield model
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -23,7 +23,7 @@ from workbench.system.block_table.limits import Pi, Pid
 from workbench.system.description import BlockComponent, Component, GainComponent, SystemDescription
 from workbench.system.model import SystemModel
 
-__all__ = ["TunableLoop", "linear_block", "tunable_loop"]
+__all__ = ["TunableLoop", "linear_block", "ports_of_blocks", "tunable_loop"]
 
 _GIVEN, _TAKEN = "tuned.{}", "tuned.{}.u"  # inputs and outputs of the rest: what a block gives, and what it takes
 
@@ -138,7 +138,12 @@ def _changed(component: Component, parameter: str, value: float) -> Component:
 
 
 def tunable_loop(
-    model: Model, where: Open, *, point: OperatingPoint | None = None, in_process: bool = False
+    model: Model,
+    where: Open,
+    *,
+    point: OperatingPoint | None = None,
+    in_process: bool = False,
+    only: Collection[str] | None = None,
 ) -> TunableLoop:
     """Take the linear blocks with one connected input and output out of a loop, and linearise the rest.
 
@@ -147,13 +152,14 @@ def tunable_loop(
         where: see `find_place`.
         point: of the closed loop; None: where the system starts.
         in_process: see `lin`.
+        only: names of the components that may be taken out; None: all.
 
     Raises:
         InputError: see `cut_loop`, and of a sampled loop.
         SimulationError: the system cannot be evaluated there.
     """
     cut = cut_loop(model, where, point=point)
-    ports = _ports(cut.model)
+    ports = [p for p in ports_of_blocks(cut.model) if only is None or p.component in only]
     with cut.model.open_at(time=cut.time, values={} if point is None else point.values) as session:
         given = session.values([p.w for p in ports]) if ports else {}
     outputs = {RETURNED: cut.place.source, **{_TAKEN.format(p.component): p.v for p in ports}}
@@ -175,8 +181,12 @@ def tunable_loop(
     return TunableLoop(cut.place, rest, tuple(known[p.component] for p in ports))
 
 
-def _ports(model: SystemModel) -> list[Ports]:
-    """Return the ports of the blocks that can be taken out."""
+def ports_of_blocks(model: SystemModel) -> list[Ports]:
+    """Return the ports of the blocks that can be taken out: linear, with one connected input and output.
+
+    Args:
+        model: the system.
+    """
     result = []
     for component in model.system.components:
         if linear_block(component) is not None:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from workbench.core.machine.closable import Closable
 from workbench.core.records.option import recast
@@ -19,7 +20,8 @@ from workbench.study.requirements.base import Compliance, Requirement
 from workbench.study.run import check_runs, finding_of
 
 if TYPE_CHECKING:
-    from workbench.jobs.runner import Runner
+    from workbench.jobs.runner import Lost, Reply, Runner
+    from workbench.jobs.worker_main import Task
 
 __all__ = ["Evaluator"]
 
@@ -124,6 +126,18 @@ class Evaluator(Closable):
         if wrong and len(wrong) == len(result) and not patient:
             raise wrong[0]
         return result
+
+    def performed(self, task: Task, jobs: deque[Any]) -> Iterator[Reply | Lost]:
+        """Do other work on the workers.
+
+        Args:
+            task: see `Runner.run`.
+            jobs: its arguments.
+
+        Raises:
+            KeyboardInterrupt: the runner was stopped.
+        """
+        yield from self._open().run(task, jobs)
 
     def line_at(self, requirement: Requirement, point: GridPoint) -> list[str]:
         """Return the command lines that measure the requirement at a point again."""

@@ -35,7 +35,7 @@ from workbench.study.read import read_study
 from workbench.study.requirements.base import Compliance
 from workbench.study.run import default_store
 
-__all__ = ["run"]
+__all__ = ["EnvelopeRun", "run"]
 
 
 def run(name: str | Path, request: EnvelopeOf, job: Job) -> EnvelopeResult:
@@ -51,7 +51,7 @@ def run(name: str | Path, request: EnvelopeOf, job: Job) -> EnvelopeResult:
         job.ended_by(),
         Evaluator(study, finished, request.place, job) as evaluator,
     ):
-        return _EnvelopeRun(study, envelope, evaluator, job).done()
+        return EnvelopeRun(study, envelope, evaluator, job).done()
 
 
 def _as_asked(envelope: Envelope, request: EnvelopeOf) -> Envelope:
@@ -66,7 +66,7 @@ def _as_asked(envelope: Envelope, request: EnvelopeOf) -> Envelope:
     return result
 
 
-class _EnvelopeRun:
+class EnvelopeRun:
     """An envelope that is run.
 
     Args:

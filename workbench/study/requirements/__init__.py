@@ -27,6 +27,8 @@ _HOME: Mapping[str, str] = {
     "damping": "models:Damping",
     "pole frequency": "models:PoleFrequency",
     "stability": "models:StabilityRequirement",
+    "h-infinity norm": "norms:HInfinityNorm",
+    "h2 norm": "norms:H2Norm",
     "settling time": "step:SettlingTime",
     "overshoot": "step:Overshoot",
     "rise time": "step:RiseTime",

@@ -321,7 +321,7 @@ class _Controller(Block):
 
     @property
     def states(self) -> tuple[str, ...]:
-        return ("x",)  # not "integral", which is a parameter: both would have one name in the system
+        return ("integrated",)
 
     @property
     def indicators(self) -> int:
@@ -359,7 +359,7 @@ class Pid(_Controller):
 
     @property
     def states(self) -> tuple[str, ...]:
-        return "x", "w"
+        return "integrated", "filtered"
 
     def packed(self) -> tuple[float, ...]:
         lower, upper, proportional, integral, _, _, follows = super().packed()

@@ -1,0 +1,302 @@
+"""Parameters that meet requirements: derivatives, the search beside closed forms, points, conflicts, files."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from scripts.promises.tune import (  # fmt: skip
+    best_of_grid,
+    conflicting,
+    disturbance_limit,
+    published,
+    random_loop,
+    tuned_loop,
+    two_requirements,
+    worst_of,
+)
+from workbench.core.values.arrays import Floats
+from workbench.errors import InputError
+from workbench.jobs.options import Workers
+from workbench.study.requirements import KINDS
+from workbench.study.tune.family import LinearFamily, Member
+from workbench.study.tune.minimax import SmoothPiece, minimax
+from workbench.study.tune.readings import closed_poles, readings
+from workbench.system.description import BlockComponent, GainComponent
+
+HERE = Workers(in_process=True)
+LIMITS = (np.full(2, -10.0), np.full(2, 10.0))
+
+
+def piece(value: float, slope: list[float], owner: int = 0, place: complex = 1.0) -> SmoothPiece:
+    return SmoothPiece(value, np.array(slope), place, owner)
+
+
+# -- the least maximum -----------------------------------------------------------------------------
+
+
+def charalambous(z: Floats) -> list[SmoothPiece]:
+    """Charalambous and Conn's second problem, whose least maximum is 1.9522245."""
+    a, b = z.tolist()
+    e = 2.0 * math.exp(b - a)
+    return [
+        piece(a * a + b**4, [2.0 * a, 4.0 * b**3], place=1.0),
+        piece((2.0 - a) ** 2 + (2.0 - b) ** 2, [2.0 * (a - 2.0), 2.0 * (b - 2.0)], place=2.0),
+        piece(e, [-e, e], place=3.0),
+    ]
+
+
+def curved(z: Floats) -> list[SmoothPiece]:
+    """Rosenbrock's function with a kink along its valley."""
+    a, b = z.tolist()
+    return [
+        piece(s * 8.0 * (b - a * a) + (1.0 - a) ** 2, [-16.0 * s * a - 2.0 * (1.0 - a), 8.0 * s], place=s)
+        for s in (1.0, -1.0)
+    ]
+
+
+def smooth(z: Floats) -> list[SmoothPiece]:
+    a, b = z.tolist()
+    return [piece(100.0 * (b - a * a) ** 2 + (1.0 - a) ** 2,
+                  [-400.0 * a * (b - a * a) - 2.0 * (1.0 - a), 200.0 * (b - a * a)])]  # fmt: skip
+
+
+@pytest.mark.parametrize(("problem", "least"), [(charalambous, 1.9522245), (curved, 0.0), (smooth, 0.0)])
+def test_the_least_maximum_of_known_problems(problem: Callable[[Floats], list[SmoothPiece]], least: float) -> None:
+    found = minimax(problem, np.array([-1.2, 1.0]), LIMITS)
+    assert found is not None
+    assert found.converged
+    assert found.value == pytest.approx(least, abs=1e-5)
+
+
+def test_hard_pieces_are_met_and_their_multipliers_are_known() -> None:
+    def problem(z: Floats) -> list[SmoothPiece]:
+        a, b = z.tolist()
+        distance = piece((a - 2.0) ** 2 + (b - 1.0) ** 2, [2.0 * (a - 2.0), 2.0 * (b - 1.0)])
+        return [distance, piece(a * a - b, [2.0 * a, -1.0], 1), piece(a + b - 2.0, [1.0, 1.0], 2)]
+
+    found = minimax(problem, np.array([3.0, 3.0]), LIMITS, hard=frozenset([1, 2]))
+    assert found is not None
+    assert found.z == pytest.approx([1.0, 1.0], abs=1e-5)
+    assert found.hard <= 1e-8
+    assert [found.weights[k] for k in (1, 2)] == pytest.approx([2.0 / 3.0, 2.0 / 3.0], rel=1e-3)
+
+
+def test_where_nothing_is_defined_is_not_entered() -> None:
+    def problem(z: Floats) -> list[SmoothPiece] | None:
+        return None if z[0] < 0.5 else [piece(float(z[0] ** 2 + z[1] ** 2), (2.0 * z).tolist())]
+
+    found = minimax(problem, np.array([3.0, 3.0]), LIMITS)
+    assert found is not None
+    assert 0.5 <= found.z[0] < 0.51
+    assert minimax(problem, np.array([0.0, 3.0]), LIMITS) is None
+
+
+# -- derivatives -----------------------------------------------------------------------------------
+
+VALUES = {"c.proportional": 0.3, "c.integral": 0.2, "c.derivative": 0.05, "c.filter": 0.1, "l.lead": 0.2, "g.gain": 0.4}
+KINDS_OF_LIN: dict[str, dict[str, Any]] = {
+    "stability": {"max": 0.0}, "damping": {"min": 0.5}, "pole frequency": {"min": 1.0},
+    "h-infinity norm": {"max": 1.0}, "h2 norm": {"max": 1.0},
+    "gain": {"max": 1.0, "frequency": 0.3}, "phase": {"max": 1.0, "frequency": 0.3},
+    "mask": {"upper": [[0.01, -3.0], [1.0, 3.0], [10.0, -20.0]]},
+    "bandwidth": {"min": 1.0, "reference": -20.0}, "bandwidth by phase": {"min": 1.0, "criterion": "phase"},
+}  # fmt: skip
+KINDS_OF_LOOP: dict[str, dict[str, Any]] = {
+    "gain margin": {"min": 6.0}, "phase margin": {"min": 45.0}, "delay margin": {"min": 0.1},
+    "disk margin": {"min": 0.5}, "peak sensitivity": {"max": 2.0},
+}  # fmt: skip
+
+
+def family(*, loop: bool) -> LinearFamily:
+    """A random stable system of order 4 with a PID controller, a lead–lag and a gain in it; a loop of order 3."""
+    random = np.random.default_rng(3)
+    n = 4
+    a, b, c = random.normal(size=(n, n)) - 5.0 * np.eye(n), random.normal(size=(n, 4)), random.normal(size=(4, n))
+    d = np.zeros((4, 4))
+    d[1:, 1:] = 0.1 * random.normal(size=(3, 3))
+    c[1] *= -np.sign((c[1] @ np.linalg.solve(-a, b[:, 1])) or 1.0)  # so that the integral is stable
+    if loop:  # 20/(s + 1)³ beside it
+        a, b, c = (np.asarray(m) for m in (np.diag([1.0, 1.0], 1) - np.eye(3), np.zeros((3, 4)), np.zeros((4, 3))))
+        b[2, 0], b[2, 1:], c[0, 0], c[1:, 0] = 5.0, [1.0, 0.5, 0.5], -1.0, [-0.5, 0.3, 0.2]
+    rest = wb.Linear(
+        a, b, c, d, input_names=("u", "v1", "v2", "v3"), output_names=("y", "e1", "e2", "e3")
+    )  # fmt: skip
+    blocks = (BlockComponent(name="c", kind="pid"), BlockComponent(name="l", kind="lead_lag"), GainComponent(name="g"))
+    return LinearFamily(rest, blocks, {}, -1.0 if loop else 1.0)
+
+
+def least(kind: str, options: dict[str, Any], member: Member) -> tuple[float, Floats]:
+    """The least distance from the limit, and its derivative by [A B; C D]."""
+    name = kind.removesuffix(" by phase")
+    requirement = KINDS[name](name="r", analysis="a", kind=name, **options)
+    found = min(readings(requirement, member), key=lambda r: r.value)
+    return found.value, found.weight
+
+
+@pytest.mark.parametrize(
+    ("kind", "options", "loop"),
+    [*((k, o, False) for k, o in KINDS_OF_LIN.items()), *((k, o, True) for k, o in KINDS_OF_LOOP.items())],
+)
+def test_derivatives_are_those_of_differences(kind: str, options: dict[str, Any], loop: bool) -> None:
+    of = family(loop=loop)
+    assert all(r.value < 0.0 for r in closed_poles(of.at(VALUES), loop=loop))
+    _, weight = least(kind, options, of.at(VALUES))
+    exact = of.at(VALUES).slope(weight, list(VALUES))
+    width = 1e-4
+    for k, name in enumerate(VALUES):
+        ends = [least(kind, options, of.at({**VALUES, name: VALUES[name] + s * width}))[0] for s in (1.0, -1.0)]
+        assert exact[k] == pytest.approx((ends[0] - ends[1]) / (2.0 * width), abs=1e-3 * np.abs(exact).max() + 1e-9)
+
+
+def test_poles_of_a_closed_loop_move_as_differences_say() -> None:
+    of = family(loop=True)
+
+    def rightmost(values: dict[str, float]) -> Any:  # noqa: ANN401
+        return max(closed_poles(of.at(values), loop=True), key=lambda r: r.value)
+
+    exact = of.at(VALUES).slope(rightmost(VALUES).weight, list(VALUES))
+    for k, name in enumerate(VALUES):
+        ends = [rightmost({**VALUES, name: VALUES[name] + s}).value for s in (1e-5, -1e-5)]
+        assert exact[k] == pytest.approx((ends[0] - ends[1]) / 2e-5, abs=1e-5)
+
+
+# -- beside what is known --------------------------------------------------------------------------
+
+
+def test_the_published_feedback_of_a_helicopter() -> None:
+    assert published("HE1", starts=0) == pytest.approx(0.1538, rel=1e-3)
+
+
+def test_a_loop_that_is_unstable_at_first_is_as_good_as_a_grid() -> None:
+    loop = random_loop(3, 3)
+    limit = disturbance_limit(loop)
+    found = tuned_loop(loop, two_requirements(loop))
+    at = np.array([[p.value for p in found.parameters]])
+    assert found.objective == pytest.approx(float(worst_of(loop, at, limit)[0]), rel=1e-3)
+    grid, _ = best_of_grid(loop, lambda gains: worst_of(loop, gains, limit), 2)
+    assert found.objective is not None
+    assert 1.0 + found.objective <= 1.02 * (1.0 + grid)
+
+
+def test_requirements_that_exclude_each_other_are_named() -> None:
+    names, excess = conflicting(0)
+    assert set(names) == {"fast", "small"}
+    assert excess > 0.1
+
+
+# -- whole tunings ---------------------------------------------------------------------------------
+
+SYSTEM = """# A lag with a gain.
+[components]
+error = {sum = "+-"}
+gain = 1.0   # to be tuned
+lag = {model = "fmu:FirstOrderLag", set = {tau = 1.0}}
+[connections]
+"gain.u" = "error.y"
+"lag.u" = "gain.y"
+"error.u2" = "lag.y"
+[inputs]
+r = "error.u1"
+[outputs]
+y = "lag.y"
+e = "error.y"
+"""
+STUDY = """
+[models]
+loop = "loop.toml"
+[analyses]
+linear = {command = "lin", model = "loop"}
+"""
+QUICK = '[[requirements]]\nname = "quick"\nanalysis = "linear"\nkind = "stability"\nmax = -4.0\n'
+
+
+@pytest.fixture
+def tuned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., wb.TuneResult]:
+    monkeypatch.chdir(tmp_path)
+
+    def made(study: str, free: dict[str, Any] | None = None, **asked: Any) -> wb.TuneResult:  # noqa: ANN401
+        Path("loop.toml").write_text(SYSTEM, encoding="utf-8")
+        Path("wanted.toml").write_text(STUDY + study, encoding="utf-8")
+        given = {"keep": False, "workers": HERE, "starts": 0, **asked}
+        return wb.tune(
+            "loop.toml", free={"gain.gain": (0.1, 10.0)} if free is None else free, study="wanted.toml", **given
+        )
+
+    return made
+
+
+def test_several_points_and_a_file_with_its_comments(tuned: Callable[..., wb.TuneResult]) -> None:
+    # The pole is −(1 + k)/τ; the error of a step 1/(1 + k), its gain 20 log10 of that. The slowest counts.
+    effort = '[[requirements]]\nname = "soft"\nanalysis = "linear"\nkind = "gain"\ninput = "r"\noutput = "y"\n'
+    study = QUICK + effort + "frequency = 1e-4\nmax = -1.0\n" + '[grid]\nloop."lag.tau" = [0.5, 2.0]\n'
+    found = tuned(study, out="tuned.toml")
+    k = found.values["gain.gain"]
+    slow = next(r for r in found.requirements if r.name == "quick" and "2" in r.at)
+    assert slow.after == pytest.approx(-(1.0 + k) / 2.0, rel=1e-9)
+    soft = 20.0 * math.log10(k / (1.0 + k))
+    assert -(1.0 + k) / 2.0 / 4.0 + 1.0 == pytest.approx((soft + 1.0) / 6.0, abs=1e-4)  # both are equally far
+    assert found.objective == pytest.approx((soft + 1.0) / 6.0, abs=1e-4)
+    assert {r.name for r in found.requirements if r.active} == {"quick", "soft"}
+    text = Path("tuned.toml").read_text()
+    assert "# to be tuned" in text
+    with wb.load("tuned.toml") as system:
+        assert wb.lin(system).result.poles == pytest.approx([-(1.0 + k)])
+    assert wb.TuneResult.from_dict(found.to_dict()).to_dict() == found.to_dict()
+
+
+def test_a_parameter_of_an_fmu_is_linearised_anew(tuned: Callable[..., wb.TuneResult]) -> None:
+    found = tuned(QUICK, {"lag.tau": (0.05, 2.0)})
+    assert found.passed
+    assert found.values["lag.tau"] <= 0.5  # the pole is −2/τ
+    assert found.requirements[0].linear
+
+
+def test_measured_requirements_are_searched_for(tuned: Callable[..., wb.TuneResult]) -> None:
+    # After one second y = k/(1 + k) (1 − exp(−(1 + k))): at least 0.8 with k = 4.13.
+    study = (
+        'step = {command = "simulate", model = "loop", stop = 1.0, input = {r = 1.0}, output = ["y"]}\n'
+        '[[requirements]]\nname = "there"\nanalysis = "step"\nkind = "final value"\nmin = 0.8\n'
+    )
+    found = tuned(study)
+    k = found.values["gain.gain"]
+    assert found.passed
+    assert not found.requirements[0].linear
+    assert found.requirements[0].after == pytest.approx(k / (1.0 + k) * (1.0 - math.exp(-1.0 - k)), abs=1e-5)
+
+
+def test_the_worst_of_an_envelope_is_added(tuned: Callable[..., wb.TuneResult]) -> None:
+    spread = '[envelope]\nsearch = 0\nparameters = {"loop.lag.tau" = {range = [0.5, 3.0], steps = 3}}\n'
+    found = tuned(QUICK + spread)
+    assert found.added == ("loop.lag.tau = 3",)
+    assert found.conflict is not None
+    assert found.conflict.requirements == ("quick",)
+    slowest = next(r for r in found.requirements if r.at)
+    assert slowest.after == pytest.approx(-(1.0 + found.values["gain.gain"]) / 3.0, rel=1e-9)
+    assert float(found.values["gain.gain"]) == pytest.approx(10.0)  # −11/3 is as near as it can come
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ({"free": {"gain.gian": None}}, "gian"),
+        ({"hard": ["fast"]}, "there is no requirement 'fast'"),
+        ({"out": "tuned.fmu"}, "workbench build makes an FMU"),
+        ({"free": {}}, "name a parameter"),
+    ],
+)
+def test_what_cannot_be_asked(tuned: Callable[..., wb.TuneResult], asked: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        tuned(QUICK, **asked)
+
+
+def test_a_study_of_another_system_is_refused(tuned: Callable[..., wb.TuneResult]) -> None:
+    tuned(QUICK)
+    with pytest.raises(InputError, match="has no model"):
+        wb.tune("system:rudder_loop", free={"gain.gain": None}, study="wanted.toml")

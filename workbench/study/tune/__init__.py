@@ -1,0 +1,1 @@
+"""Parameters of a system that meet the requirements of a study."""
