@@ -75,7 +75,7 @@ def test_the_gain_of_a_controller_is_set_and_not_its_state(tmp_path: Path, kind:
         slow = sorted(wb.lin(system).result.poles, key=abs)[:2]
         assert np.prod(slow).real == pytest.approx(3.0)
         with system.open_session() as session:
-            assert session.values(["gain.x"]) == {"gain.x": 0.0}
+            assert session.values(["gain.integrated"]) == {"gain.integrated": 0.0}
 
 
 def test_no_number_of_a_block_has_the_name_of_its_input_output_or_state() -> None:
