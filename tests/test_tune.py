@@ -300,3 +300,45 @@ def test_a_study_of_another_system_is_refused(tuned: Callable[..., wb.TuneResult
     tuned(QUICK)
     with pytest.raises(InputError, match="has no model"):
         wb.tune("system:rudder_loop", free={"gain.gain": None}, study="wanted.toml")
+
+
+DIPPING = """
+[components]
+error = {sum = "+-"}
+pi = {block = "pi", proportional = 0.5, integral = 0.1}
+a = {block = "lead_lag", gain = 1.0, lead = 0.0, lag = 1.0}
+b = {block = "lead_lag", gain = 1.0, lead = 0.0, lag = 1.0}
+c = {block = "lead_lag", gain = 1.0, lead = 0.0, lag = 1.0}
+[connections]
+"error.u2" = "c.y"
+"pi.u" = "error.y"
+"a.u" = "pi.y"
+"b.u" = "a.y"
+"c.u" = "b.y"
+[inputs]
+r = "error.u1"
+[outputs]
+y = "c.y"
+"""
+WANTED = """
+models.loop = "dipping.toml"
+analyses.margins = {command = "loop", model = "loop", open = "pi.y"}
+analyses.lin = {command = "lin", model = "loop"}
+requirements = [
+    {name = "phase", analysis = "margins", kind = "phase margin", min = 60},
+    {name = "bandwidth", analysis = "lin", kind = "bandwidth", min = 0.12},
+]
+"""
+
+
+def test_a_bandwidth_that_jumps_where_a_dip_touches_its_level_is_reached(tmp_path: Path) -> None:
+    """With P = 1.1 and I = 0.35 both are met; on the way there |T| dips to −3 dB at a third of the bandwidth."""
+    (tmp_path / "dipping.toml").write_text(DIPPING, encoding="utf-8")
+    (tmp_path / "wanted.toml").write_text(WANTED, encoding="utf-8")
+    free = {"pi.proportional": (0.01, 10.0), "pi.integral": (0.001, 5.0)}
+    found = wb.tune(tmp_path / "dipping.toml", free=free, study=tmp_path / "wanted.toml", starts=0, workers=HERE)
+    assert [r.passed for r in found.requirements] == [True, True]
+    p, i = (q.value for q in found.parameters)
+    s = 2j * np.pi * np.geomspace(1e-4, 0.12, 2000)
+    loop = (p + i / s) / (s + 1.0) ** 3
+    assert np.abs(loop / (1.0 + loop)).min() > 10.0 ** (-3.0 / 20.0)

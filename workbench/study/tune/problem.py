@@ -23,7 +23,7 @@ from workbench.study.description import GridPoint, Study
 from workbench.study.envelope.evaluate import Evaluator
 from workbench.study.plan import PlannedRun, RunResult, make_plan
 from workbench.study.requirements.base import Compliance, Limited, Requirement, convert
-from workbench.study.requirements.response import UNITS, Mask
+from workbench.study.requirements.response import UNITS, Bandwidth, Mask
 from workbench.study.run import applies, finding_of
 from workbench.study.tune.extract import Extracted, ExtractJob, extract
 from workbench.study.tune.family import LinearFamily, Member
@@ -62,6 +62,12 @@ class Question:
     def label(self) -> str:
         """For people: "damping (worn)"."""
         return f"{self.requirement.name} ({self.point.label})" if self.point.label else self.requirement.name
+
+    @property
+    def jumps(self) -> bool:
+        """Whether its number jumps, so that the pieces count something else that has the same sign."""
+        own = self.requirement
+        return isinstance(own, Bandwidth) and own.equal is None
 
     def scaled(self, found: Compliance) -> float | None:
         """Return what was measured as the value of a piece, at most 0 where it is met; None: nothing was measured."""

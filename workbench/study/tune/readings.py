@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -95,6 +97,8 @@ def readings(requirement: Requirement, member: Member) -> list[Distance]:
     own = requirement.unit or unit
     low, high, equal = ((None if x is None else convert(float(x), own, unit, requirement.name)) for x in (
         requirement.min, requirement.max, requirement.equal))  # fmt: skip
+    if isinstance(requirement, Bandwidth) and equal is None:
+        return [*_reaches(requirement, member, low), *_ends_before(requirement, member, high)]
     width = requirement.tolerance if requirement.relative is None else requirement.relative * abs(equal or 0.0)
     result = []
     for r in found:
@@ -378,28 +382,79 @@ def _at_frequency(requirement: Requirement, member: Member) -> Iterator[Distance
 def _mask(requirement: Requirement, member: Member) -> Iterator[Distance]:
     assert isinstance(requirement, Mask)  # noqa: S101 - by `_READERS`
     place = _places(requirement, member.system)
-    f, curve = _curve(member, requirement.corners, place, requirement.quantity)
+    f, _ = _curve(member, requirement.corners, place, requirement.quantity)
     for corners, sign in ((requirement.upper, -1.0), (requirement.lower, 1.0)):
-        if not corners:
-            continue
-        x, y = np.log([c[0] for c in corners]), [c[1] for c in corners]
-        inside = (f >= corners[0][0] * (1.0 - 1e-12)) & (f <= corners[-1][0] * (1.0 + 1e-12))
-        own, values = f[inside], curve[inside]
-        for _ in range(_FINER):  # a smaller one lies between the neighbours of each least distance
-            margin, least = _with_least(sign * (values - np.interp(np.log(own), x, y)))
-            inner = [k for k in least if 0 < k < len(own) - 1]
-            own = np.unique(np.concatenate([own, *(np.geomspace(own[k - 1], own[k + 1], 9)[1:-1] for k in inner)]))
-            values = _of_curve(member, own, place, requirement.quantity)
-        margin, least = _with_least(sign * (values - np.interp(np.log(own), x, y)))
-        for k in least:
-            hz = float(own[k])
-            yield Distance(float(margin[k]), sign * _derivative(member, hz, place, requirement.quantity), hz)
+        if corners:
+            inside = f[(f >= corners[0][0] * (1.0 - 1e-12)) & (f <= corners[-1][0] * (1.0 + 1e-12))]
+            yield from _least(member, inside, place, requirement.quantity, partial(_inside, corners, sign))
+
+
+def _inside(corners: Sequence[Sequence[float]], sign: float, f: Floats) -> tuple[Floats, float]:
+    """Return the level of a mask, and +1 where the curve is to be above it, −1 where below."""
+    x, y = np.log([c[0] for c in corners]), [c[1] for c in corners]
+    return np.interp(np.log(f), x, y), sign
+
+
+def _least(
+    member: Member, f: Floats, place: tuple[int, int], quantity: str, level: Callable[[Floats], tuple[Any, float]]
+) -> Iterator[Distance]:
+    """Yield where the distance of a curve from a level is least among its neighbours.
+
+    Args:
+        member: the model.
+        f: frequencies, rising [Hz].
+        place: output and input.
+        quantity: gain or phase.
+        level: frequencies → level, and +1 where the curve is to be above it, −1 where below.
+    """
+
+    def distance() -> Floats:
+        wall, sign = level(f)
+        return np.asarray(sign * (_of_curve(member, f, place, quantity) - wall))
+
+    for _ in range(_FINER):  # a smaller one lies between the neighbours of each least distance
+        inner = [k for k in _with_least(distance())[1] if 0 < k < len(f) - 1]
+        f = np.unique(np.concatenate([f, *(np.geomspace(f[k - 1], f[k + 1], 9)[1:-1] for k in inner)]))
+    values, least = _with_least(distance())
+    for k in least:
+        weight = level(f)[1] * _derivative(member, float(f[k]), place, quantity)
+        yield Distance(float(values[k]), weight, float(f[k]))
 
 
 def _with_least(margin: Floats) -> tuple[Floats, list[int]]:
     """Return distances, and where they are least among their neighbours."""
     padded = np.concatenate([[math.inf], margin, [math.inf]])
     return margin, np.flatnonzero((padded[1:-1] <= padded[:-2]) & (padded[1:-1] <= padded[2:])).tolist()
+
+
+def _above(requirement: Bandwidth, member: Member, hz: float) -> list[Distance]:
+    """Return by how much a curve lies above the level whose crossing is the bandwidth, where that is least up to hz.
+
+    The first crossing jumps where a dip touches the level; the least distance does not. It counts as a part of hz, as
+    many of it as the distance has units (6 dB, 45 deg).
+    """
+    place, quantity = _places(requirement, member.system), requirement.criterion
+    grid = _grid(member.system)
+    first = min(float(grid[0]), hz / 100.0)
+    free = quantity == "gain" and requirement.reference is None
+    drop = requirement.angle if quantity == "phase" else (requirement.reference or 0.0) - requirement.drop
+    level = drop + (float(_of_curve(member, np.array([first]), place, quantity)[0]) if free else 0.0)
+    f = np.unique(np.concatenate([np.geomspace(2.0 * first, hz, _DENSE), grid[(grid > 2.0 * first) & (grid < hz)]]))
+    part = hz / _UNITS["deg" if quantity == "phase" else "dB"]
+    own = _derivative(member, first, place, quantity) if free else 0.0
+    found = _least(member, f, place, quantity, lambda _: (level, 1.0))
+    return [Distance(part * r.value, part * (r.weight - own), r.place) for r in found]
+
+
+def _reaches(requirement: Bandwidth, member: Member, low: float | None) -> list[Distance]:
+    return [] if low is None else _above(requirement, member, low)
+
+
+def _ends_before(requirement: Bandwidth, member: Member, high: float | None) -> list[Distance]:
+    if high is None:
+        return []
+    least = min(_above(requirement, member, high), key=lambda r: r.value)
+    return [Distance(-least.value, -least.weight, least.place)]
 
 
 def _bandwidth(requirement: Requirement, member: Member) -> Iterator[Distance]:

@@ -192,7 +192,8 @@ class _TuneRun:
         told: dict[int, float] = {}
         for p in (p for p in self._problem.pieces(z) or () if p.owner >= 0):
             told[p.owner] = max(p.value, told.get(p.owner, -math.inf))
-        pairs = [(told[k], q.scaled(after[k])) for k, q in enumerate(self._problem.questions) if k in told]
+        linear = [(k, q) for k, q in enumerate(self._problem.questions) if k in told and not q.jumps]
+        pairs = [(told[k], q.scaled(after[k])) for k, q in linear]
         return any(m is None or abs(m - t) > _DIFFERENT * (1.0 + abs(t)) for t, m in pairs)
 
     def _extended(self, z: Floats) -> bool:
@@ -314,7 +315,7 @@ def _per_percent(
 ) -> dict[str, float]:
     """Return the change of the margin when a parameter grows by 1 %, at the place where it is least."""
     own = [] if end is None else [p for p in end.pieces if p.owner == owner]
-    if not own or end is None or not np.array_equal(end.z, z):
+    if not own or end is None or not np.array_equal(end.z, z) or question.jumps:
         return {}
     worst = max(own, key=lambda p: p.value)
     values, slopes = problem.free.values(z), problem.free.slopes(z)
