@@ -118,20 +118,25 @@ def test_a_block_goes_into_the_wire_that_is_chosen(page: Page, ui: Ui) -> None:
     expect(wire).to_have_attribute("aria-pressed", "true")
     page.click("text=+ saturation")
     expect(boxes).to_have_count(before + 1)
-    expect(page.get_by_role("button", name="wire from saturation.y to plant.delC")).to_be_visible()
-    page.locator("button", has_text="+ notch").drag_to(
-        page.get_by_role("button", name="wire from saturation.y to plant.delC").locator(".reach"), force=True
+    put = page.get_by_role("button", name="wire from saturation.y to plant.delC")
+    expect(put).to_have_count(1)
+    x, y = put.evaluate(
+        """g => { const p = g.querySelector(".reach"), m = p.getPointAtLength(p.getTotalLength() / 2).matrixTransform(
+        p.getScreenCTM()), r = document.querySelector(".drawing").getBoundingClientRect();
+        return [m.x - r.x, m.y - r.y]; }"""
     )
-    expect(page.get_by_role("button", name="wire from notch.y to plant.delC")).to_be_visible()
+    page.locator("button", has_text="+ notch").drag_to(page.locator(".drawing"), target_position={"x": x, "y": y})
+    expect(page.get_by_role("button", name="wire from notch.y to plant.delC")).to_have_count(1)
+    picture(page, "wires")
 
 
 def test_a_pole_is_dragged_along_the_locus(page: Page, ui: Ui) -> None:
     look(page, ui, "tune/system%3Arudder_loop")
-    canvas = page.get_by_label(re.compile("^Root locus"))
+    canvas = page.locator("canvas[aria-label^='Root locus']")
     gain = page.get_by_label("loop gain ×")
     expect(gain).to_have_value("1")
     # A place of the locus of a larger gain, in pixels of the picture, and the pole that leads there.
-    page.wait_for_function("document.querySelector('.verdict').dataset.ms")
+    page.wait_for_function("() => document.querySelector('.verdict').dataset.ms")
     expect(page.locator(".numbers .figure").first).to_contain_text("dB")
     told = page.evaluate(
         """async () => (await (await fetch("/api/tune", { method: "POST", body: JSON.stringify(
@@ -141,20 +146,15 @@ def test_a_pole_is_dragged_along_the_locus(page: Page, ui: Ui) -> None:
     start = max((p for p in poles if p.imag > 0.0), key=lambda p: p.real)
     locus = list(zip(told["locus"]["gain"], told["locus"]["re"], told["locus"]["im"], strict=True))
     wanted = min((row for row in locus if 1.2 < row[0] < 1.6), key=lambda row: abs(complex(*row[1:]) - start))
-    ranges = page.evaluate(
-        """() => { const c = document.querySelector("canvas[aria-label^='Root locus']");
-        return [c.clientWidth, c.clientHeight]; }"""
-    )
     box = canvas.bounding_box()
     assert box is not None
-    frame = {"width": ranges[0], "height": ranges[1]}
     size = 4.0 * 2.0 * np.pi * told["margins"]["gain_crossovers"][-1]["frequency_hz"]
 
     def at(place: complex) -> tuple[float, float]:
         (low, high), (bottom, top) = (-size, size / 4.0), (-size, size)
         (low, high), (bottom, top) = ((a - 0.06 * (b - a), b + 0.06 * (b - a)) for a, b in ((low, high), (bottom, top)))
-        x = LEFT + (place.real - low) / (high - low) * (frame["width"] - LEFT - RIGHT)
-        y = frame["height"] - 40 - (place.imag - bottom) / (top - bottom) * (frame["height"] - 40 - 10)
+        x = LEFT + (place.real - low) / (high - low) * (box["width"] - LEFT - RIGHT)
+        y = box["height"] - 40 - (place.imag - bottom) / (top - bottom) * (box["height"] - 40 - 10)
         return box["x"] + x, box["y"] + y
 
     page.mouse.move(*at(start))

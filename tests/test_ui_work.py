@@ -71,7 +71,7 @@ def test_nonsense_is_one_line(ui: Ui, body: bytes) -> None:
 
 
 def test_other_commands_are_not_offered(ui: Ui) -> None:
-    for command in ("build", "export", "reproduce", "run", "nonsense", None):
+    for command in ("blocks", "compare", "reproduce", "schema", "nonsense", None):
         answer = ui.ask("POST", "/api/works", {"command": command, "subject": ["fmu:Rudder"], "values": {}})
         assert answer.status == 422
         assert "not offered here" in answer.json["message"]
@@ -126,7 +126,7 @@ def test_what_a_page_tries_is_in_no_study_until_it_is_kept(ui: Ui) -> None:
     assert ui.ask("POST", f"/api/works/{number}/keep", {"name": "three.json"}).status == 200
     assert "delC=3" in ui.ask("GET", "/api/study.toml").body.decode()
     (point,) = [file for file in ui.get("/api/files")["files"] if file["name"] == "three.json"]
-    assert point == {"name": "three.json", "kind": "point", "model": "Rudder"}
+    assert point == {"name": "three.json", "kind": "point", "command": "trim", "model": "Rudder"}
 
 
 def test_a_file_that_is_there_is_not_overwritten_by_a_record(ui: Ui) -> None:

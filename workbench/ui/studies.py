@@ -106,7 +106,7 @@ def run_study(name: str | Path, request: RunStudy, job: Job) -> StudyRecord:  # 
         job: is told.
 
     Raises:
-        InputError, FmuError: see `workbench.run_study`.
+        InputError, FmuError: the study is wrong, or a model cannot be opened.
     """
     from workbench.jobs.options import Workers  # noqa: PLC0415 - as above
     from workbench.study.run import StudyRun, default_store  # noqa: PLC0415
