@@ -176,7 +176,7 @@ class ModelRuns:
             KeyboardInterrupt: the job was stopped.
         """
         every = range(len(self._data))
-        self._make([((z,), i) for z in points for i in every])
+        self._make([((z,), i) for z in points for i in every], self.place.runner)
         return [[self._seen(self._known[self._key((z,), i)].y, z, i) for i in every] for z in points]
 
     def together(self, points: Sequence[Floats]) -> list[list[Floats | None]] | None:
@@ -189,7 +189,7 @@ class ModelRuns:
         if place.joint is None or len(points) > place.copies or any(isinstance(x, PlayedResponse) for x in self._data):
             return None
         filled = (*points, *[points[0]] * (place.copies - len(points)))
-        self._make([(filled, i) for i in every])
+        self._make([(filled, i) for i in every], place.joint)
         parts = []
         for i in every:
             y = self._known[self._key(filled, i)].y
@@ -220,23 +220,21 @@ class ModelRuns:
         ]
         return ModelRun(played, named[0], named[1], rest=False)
 
-    def _make(self, wanted: Sequence[tuple[Sequence[Floats], int]]) -> None:
+    def _make(self, wanted: Sequence[tuple[Sequence[Floats], int]], runner: Runner) -> None:
         """Run what is not known yet."""
-        missing = {key: one for one in wanted if (key := self._key(*one)) not in self._known and not self._stored(key)}
-        for runner, alone in ((self.place.runner, True), (self.place.joint, False)):
-            some = {key: one for key, one in missing.items() if (len(one[0]) == 1) is alone}
-            if runner is None or not some:
-                continue
-            runs = {key: self._run(*one) for key, one in some.items()}
-            keys = {id(run): key for key, run in runs.items()}
-            for event in runner.run(perform, deque(runs.values())):
-                answer = RunOutputs(None, event.reason) if isinstance(event, Lost) else event.value
-                self._take(keys[id(event.job)], answer, len(some[keys[id(event.job)]][0]))
-        for key in dict.fromkeys(self._key(*one) for one in wanted):
+        every = {self._key(*one): one for one in wanted}
+        runs = {k: self._run(*one) for k, one in every.items() if k not in self._known and not self._stored(k)}
+        keys = {id(run): key for key, run in runs.items()}
+        for event in runner.run(perform, deque(runs.values())):
+            key = keys[id(event.job)]
+            self._take(
+                key, RunOutputs(None, event.reason) if isinstance(event, Lost) else event.value, len(every[key][0])
+            )
+        for key in every:
             if key not in self._known:
                 raise SimulationError("a run of the model gave no answer")
             self._known.move_to_end(key)
-        while len(self._known) > max(len(wanted), _KEPT * (2 * len(self._quantities) + 1) * len(self._data)):
+        while len(self._known) > max(len(every), _KEPT * (2 * len(self._quantities) + 1) * len(self._data)):
             self._known.popitem(last=False)
 
     def _take(self, key: _Key, found: RunOutputs, count: int) -> None:
