@@ -119,6 +119,15 @@ from workbench.loops.onset.result import Attitude as Attitude
 from workbench.loops.onset.result import Jump as Jump
 from workbench.loops.onset.result import OnsetPoint as OnsetPoint
 from workbench.loops.onset.result import OnsetResult as OnsetResult
+from workbench.loops.robust.family import UncertainParameter as UncertainParameter
+from workbench.loops.robust.request import robust as robust
+from workbench.loops.robust.result import MuPoint as MuPoint
+from workbench.loops.robust.result import Neglected as Neglected
+from workbench.loops.robust.result import RobustMargin as RobustMargin
+from workbench.loops.robust.result import RobustResult as RobustResult
+from workbench.loops.robust.result import WorstDisk as WorstDisk
+from workbench.loops.robust.result import WorstGain as WorstGain
+from workbench.loops.robust.result import WorstPlace as WorstPlace
 from workbench.model import FmuModel as FmuModel
 from workbench.model import Model as Model
 from workbench.model import Variable as Variable
