@@ -41,6 +41,8 @@ SHORT: Mapping[str, tuple[Mapping[str, Any], ...]] = {
     "identify": (),
     "rudder": (),
     "calibrate": ({"cases": 2, "every": 7},),
+    "mu": ({"cases": 100},),
+    "robust": ({"cases": 6, "samples": 2000},),
 }
 
 

@@ -13,13 +13,15 @@ from workbench.loops.mu.blocks import Block, places
 
 __all__ = ["improved"]
 
-_ROUNDS, _STEPS = 40, 4  # of the level, and of Newton's method at each
+_ROUNDS, _STEPS = 30, 2  # of the level, and of Newton's method at each
 _TOWARDS = 0.2  # the next level lies so far from the least one that is proved towards the one before
-_ENOUGH = 1e-3  # relative: a level that falls by less ends the search
+_ENOUGH = 2e-3  # relative: a level that falls by less ends the search
 _LARGEST_G = 100.0  # beside a matrix of size 1: G grows no further, which a real block could let it do for ever
 
 
-def improved(matrix: Complex, blocks: Sequence[Block], d: Complex, g: Complex) -> tuple[Complex, Complex]:
+def improved(
+    matrix: Complex, blocks: Sequence[Block], d: Complex, g: Complex, *, enough: float = 0.0
+) -> tuple[Complex, Complex]:
     """Return scalings D and G with a bound that is smaller, or as small.
 
     t D - Mᴴ D M - j (G M - Mᴴ G) > 0 is convex in D and G. For a level t its analytic centre is found by Newton's
@@ -30,6 +32,7 @@ def improved(matrix: Complex, blocks: Sequence[Block], d: Complex, g: Complex) -
         blocks: the structure.
         d: D to begin with.
         g: G to begin with.
+        enough: a bound as small as this ends the search.
 
     Source: S. Boyd, L. El Ghaoui, E. Feron, V. Balakrishnan, Linear Matrix Inequalities in System and Control Theory
     (1994), section 2.4.
@@ -48,6 +51,8 @@ def improved(matrix: Complex, blocks: Sequence[Block], d: Complex, g: Complex) -
         found = search.least(x)
         if found < smallest:
             best, smallest = search.matrices(x), found
+        if found <= enough**2:
+            break
         following = found + _TOWARDS * (t - found)
         if not following < t * (1.0 - _ENOUGH):
             break

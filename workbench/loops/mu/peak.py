@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import LinAlgError, eigh
 
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import Linear
@@ -20,6 +21,8 @@ __all__ = ["Peak", "continued", "level_at", "peak", "response_at"]
 _ROUNDS = 4000  # intervals at most
 _CLOSE = 0.005  # relative: how near the level is to the least that the scalings prove
 _AXIS = 1e-7  # an eigenvalue so near to the imaginary axis, relative to its size, is on it
+_PROVED = 0.9  # a bound that leaves so much room is as good as a smaller one
+_DOUBLED = 30  # changes of a level
 _SHRUNK = 1e-9  # relative: what is left of a proved interval's ends to the next one
 
 
@@ -82,7 +85,7 @@ def peak(
         begin, end = todo.pop()
         omega = _inside(begin, end, own)
         matrix = response_at(m, omega)
-        proof = upper_bound(scaled(matrix, blocks, level), blocks)
+        proof = upper_bound(scaled(matrix, blocks, level), blocks, enough=_PROVED)
         if proof.bound >= 1.0 - 0.1 * close:
             level, where = max(level, level_at(matrix, blocks, level)) * (1.0 + close), omega
             if not level < enough:
@@ -100,35 +103,68 @@ def peak(
     return Peak(0.0 if level <= 1e-9 else level, warp.back_hz(where), count)
 
 
-def level_at(matrix: Complex, blocks: Sequence[Block], known: float = 0.0) -> float:
+def level_at(
+    matrix: Complex, blocks: Sequence[Block], known: float = 0.0, *, start: float = 1.0, rounds: int = 30, full: bool = True
+) -> float:
     """Return the least level at one frequency; infinite: the blocks that do not vary are too large by themselves.
+
+    The scalings that prove a level prove a lower one as well, and from there on others are found.
 
     Args:
         matrix: M there.
         blocks: the structure.
         known: a level that is needed anyway; where it suffices, it is returned.
+        start: level to begin with, where none is known.
+        rounds: most changes of the scalings.
+        full: see `upper_bound`.
     """
     if all(b.varies for b in blocks):
-        return max(known, upper_bound(matrix, blocks).bound)
-    if known > 0.0 and upper_bound(scaled(matrix, blocks, known), blocks).bound < 1.0:
+        return max(known, upper_bound(matrix, blocks, enough=known, full=full).bound)
+    level = known or start
+    proof = upper_bound(scaled(matrix, blocks, level), blocks, enough=_PROVED, full=full)
+    if proof.bound < 1.0 and known > 0.0:
         return known
-    fixed = upper_bound(scaled(matrix, blocks, math.inf), blocks).bound
-    if fixed >= 1.0:
+    if proof.bound >= 1.0 and upper_bound(scaled(matrix, blocks, math.inf), blocks, full=full).bound >= 1.0:
         return math.inf
-    low, high = max(known, 1e-12), max(known, 1e-6)
-    while upper_bound(scaled(matrix, blocks, high), blocks).bound >= 1.0:
-        low, high = high, 4.0 * high
-        if high > 1e12:
-            return math.inf
-    while high > low * (1.0 + 0.2 * _CLOSE):
-        middle = math.sqrt(low * high)
-        if upper_bound(scaled(matrix, blocks, middle), blocks).bound < 1.0:
-            high = middle
-        else:
-            low = middle
-        if high < 1e-9:
-            return 0.0
-    return high
+    for _ in range(_DOUBLED):
+        if proof.bound < 1.0:
+            break
+        level *= max(1.2 * proof.bound, 1.5)
+        proof = upper_bound(scaled(matrix, blocks, level), blocks, enough=_PROVED, full=full)
+    else:
+        return math.inf
+    for turn in range(rounds):
+        lower = _least(matrix, blocks, level, proof)
+        if not lower < level * (1.0 - _CLOSE):
+            break
+        level = max(lower * (1.0 + 0.1 * _CLOSE), known)
+        if level <= known or level < 1e-9 or turn == rounds - 1:
+            break
+        proof = upper_bound(scaled(matrix, blocks, level), blocks, full=full)
+        if proof.bound >= 1.0:  # rounding: what was proved before stands
+            break
+    return level
+
+
+def _least(matrix: Complex, blocks: Sequence[Block], level: float, proof: Scaling) -> float:
+    """Return the least level that scalings prove at a frequency, those for blocks that vary growing with it.
+
+    Of Mᴴ D M + j (G M - Mᴴ G) ≤ diag(t² D of what varies, D of the rest) the rest is taken out by its Schur complement.
+    """
+    factor = 1.0 / columns(blocks, level)
+    g, back = proof.g * factor[:, None], matrix.conj().T
+    left = back @ proof.d @ matrix + 1j * (g @ matrix - back @ g)
+    varies = np.concatenate([np.full(b.size, b.varies) for b in blocks])
+    rest = left[np.ix_(~varies, ~varies)] - proof.d[np.ix_(~varies, ~varies)]
+    across, own = left[np.ix_(~varies, varies)], left[np.ix_(varies, varies)]
+    try:
+        if float(np.linalg.eigvalsh(rest)[-1]) >= 0.0:
+            return level
+        own = own - across.conj().T @ np.linalg.solve(rest, across)
+        largest = float(eigh(own, proof.d[np.ix_(varies, varies)], eigvals_only=True)[-1])
+    except (LinAlgError, np.linalg.LinAlgError, ValueError):
+        return level
+    return math.sqrt(max(largest, 0.0))
 
 
 def response_at(system: Linear, omega: float) -> Complex:

@@ -30,7 +30,7 @@ class Scaling:
     g: Complex
 
 
-def upper_bound(matrix: Complex, blocks: Sequence[Block]) -> Scaling:
+def upper_bound(matrix: Complex, blocks: Sequence[Block], *, enough: float = 0.0, full: bool = True) -> Scaling:
     """Return an upper bound of µ(M), the inverse of the size of the smallest Δ with det(I - M Δ) = 0.
 
     The scalings are those of SLICOT's AB13MD, whose real blocks are single numbers: a number that stands several times
@@ -40,6 +40,8 @@ def upper_bound(matrix: Complex, blocks: Sequence[Block]) -> Scaling:
     Args:
         matrix: M, shape (n, n).
         blocks: the structure.
+        enough: a bound as small as this is not improved.
+        full: whether to look for full blocks.
 
     Source: M. K. H. Fan, A. L. Tits, J. C. Doyle, Robustness in the presence of mixed parametric uncertainty and
     unmodeled dynamics, IEEE Trans. Automatic Control 36 (1991).
@@ -47,13 +49,13 @@ def upper_bound(matrix: Complex, blocks: Sequence[Block]) -> Scaling:
     n = len(matrix)
     identity, zero = np.eye(n, dtype=np.complex128), np.zeros((n, n), dtype=np.complex128)
     plain = Scaling(bound_of(matrix, identity, zero), identity, zero)
-    if plain.bound == 0.0:
+    if plain.bound <= enough or not np.isfinite(plain.bound):
         return plain
     result = min(plain, _diagonal(matrix / plain.bound, blocks, plain.bound), key=lambda s: s.bound)
-    if any(b.real and b.size > 1 for b in blocks):
-        d, g = improved(matrix / plain.bound, blocks, result.d, result.g / plain.bound)
-        full = Scaling(bound_of(matrix, d, g * plain.bound), d, g * plain.bound)
-        result = min(result, full, key=lambda s: s.bound)
+    if full and result.bound > enough and any(b.real and b.size > 1 for b in blocks):
+        size = plain.bound
+        d, g = improved(matrix / size, blocks, result.d, result.g / size, enough=enough / size)
+        result = min(result, Scaling(bound_of(matrix, d, g * size), d, g * size), key=lambda s: s.bound)
     return result
 
 

@@ -16,8 +16,8 @@ from workbench.loops.robust.worst import is_stable, is_unstable
 
 __all__ = ["Margin", "Parts", "divided", "needed", "proved_margin"]
 
-_ROUNDS = 8  # sizes that are tried
-_CLOSE = 0.01  # relative: how near the margin is to the largest one that the bounds prove
+_ROUNDS = 5  # sizes that are tried
+_CLOSE = 0.03  # relative: how near the margin is to the largest one that the bounds prove
 _BELOW = 0.995  # the next size beside the one that a bound suggests
 
 
@@ -73,7 +73,7 @@ def proved_margin(family: Family, most: float, job: Job) -> Margin:
     count = len(family.parameters)
     models: dict[float, UncertainModel] = {}
     notes: list[str] = []
-    size, best, limit = min(1.0, most), 0.0, most
+    size, best, limit, refused = 1.0, 0.0, most, math.inf
     for _ in range(_ROUNDS):
         try:
             model = uncertain_model(family, Box.of_size(count, size))
@@ -81,15 +81,22 @@ def proved_margin(family: Family, most: float, job: Job) -> Margin:
             if size <= 1.0:
                 raise
             notes.append(f"ranges {size:.3g} times as wide are not looked at: {error}")
-            limit = size = math.sqrt(size * max(best, 1.0))
+            limit = refused = size
+            size = math.sqrt(size * max(best, 1.0))
             continue
         models[size] = model
         level = needed(model)
         if level <= 1.0:
             best = max(best, size)
-        following = min(limit, size / level * _BELOW if level > 0.0 else limit) if math.isfinite(level) else 0.5 * size
-        following = max(following, 0.3 * size)
-        if best > 0.0 and following <= best * (1.0 + _CLOSE):
+        else:
+            refused = min(refused, size)
+        if best >= limit:
+            break
+        # What the level suggests, unless that is known already: then between what is proved and what is not.
+        following = min(limit, size / level * _BELOW if level > 0.0 else limit)
+        if not best * (1.0 + _CLOSE) < following < refused:
+            following = math.sqrt(best * refused) if best > 0.0 else 0.5 * size
+        if refused <= best * (1.0 + _CLOSE) or (best > 0.0 and following <= best * (1.0 + _CLOSE)):
             break
         size = following
     return Margin(best, limit, models, tuple(notes))

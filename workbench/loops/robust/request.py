@@ -47,10 +47,21 @@ class Robust(PointOptions, InParts, ModelRequest["RobustResult"]):
     disk margins, IEEE Control Systems 40 (2020).
 
     Examples:
-        A mass on a spring with a damper whose constant may be anything between -0.2 and 0.8: stable down to 0, which
-        is 0.6 of the way from the middle to the end of the range.
+        A gain k in a loop with 1/(s³ + 0.6 s² + s): stable up to 0.6, two thirds of the way from 0.4 to 0.7.
 
-        >>> block = wb.TransferFunctionBlock
+        >>> plant = {"numerator": [1.0], "denominator": [1.0, 0.6, 1.0, 0.0]}
+        >>> loop = wb.connect(
+        ...     {
+        ...         "k": 0.4,
+        ...         "plant": wb.BlockComponent(name="plant", kind="transfer_function", parameters=plant),
+        ...         "error": wb.SumComponent(name="error", signs=(1, -1)),
+        ...     },
+        ...     [("plant.y", "error.u2"), ("error.y", "k.u"), ("k.y", "plant.u")],
+        ... )
+        >>> with loop:
+        ...     margin = wb.robust(loop, {"k.gain": (0.1, 0.7)}).stability
+        >>> print(f"{margin.lower:.2f} {margin.upper:.2f} {margin.worst.pole:.2f}")
+        0.66 0.67 0.00+1.00j
     """
 
     command = "robust"

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from workbench.core.machine.blas import one_thread
 from workbench.core.records.forms import several
 from workbench.core.values.arrays import Floats
 from workbench.core.values.decibels import decibels
@@ -46,7 +47,7 @@ from workbench.requests.model_facts import facts_of
 
 __all__ = ["run"]
 
-_CURVE = 60  # frequencies of the bounds of µ
+_CURVE = 20  # frequencies of the bounds of µ
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +98,8 @@ def run(model: Model, request: Robust, job: Job) -> RobustResult:
             opened.model, parameters, common, request.place.apart, job, trimmed=not request.hold,
             changed=opened.changed,
         )  # fmt: skip
-        return _analysed(model, request, opened, family, job, remarks)
+        with one_thread():
+            return _analysed(model, request, opened, family, job, remarks)
 
 
 def _analysed(
@@ -212,7 +214,7 @@ def _curve(whole: UncertainModel, stability: RobustMargin) -> tuple[MuPoint, ...
     system, blocks = whole.stability()
     if not blocks:
         return ()
-    twin = continued(system)
+    twin, peak_level = continued(system), 1.0 / max(stability.lower, 0.1)
     natural = np.abs(system.continuous_poles) / (2.0 * math.pi)
     natural = natural[np.isfinite(natural) & (natural > 1e-9 * natural.max(initial=0.0))]
     low, high = (natural.min() / 10.0, natural.max() * 10.0) if len(natural) else (0.1, 10.0)
@@ -225,7 +227,7 @@ def _curve(whole: UncertainModel, stability: RobustMargin) -> tuple[MuPoint, ...
     for f in shown.tolist():
         omega = 2.0 * math.pi * f if system.dt == 0.0 else math.tan(math.pi * f * system.dt)
         matrix = response_at(twin, omega)
-        upper = level_at(matrix, blocks)
+        upper = level_at(matrix, blocks, start=peak_level, rounds=1, full=False)
         lower = lower_bound(matrix[:width, :width], [blocks[k] for k in slopes]).bound
         result.append(MuPoint(frequency_hz=f, lower=min(lower, upper), upper=upper))
     if worst.unstable and worst.size > 0.0:

@@ -19,8 +19,8 @@ from workbench.loops.robust.family import Family, Place, stacked
 __all__ = ["Box", "UncertainModel", "uncertain_model"]
 
 _CORNERS = 5  # of so many parameters all corners of the box are looked at, of more as many at random
-_RANK = 1e-6  # relative: smaller singular values of what a parameter does are neglected, and counted as such
-_CURVED = 1e-3  # relative: what a parameter does in the square is a block of its own from there on
+_RANK = 1e-4  # relative: smaller singular values of what a parameter does are neglected, and counted as such
+_CURVED = 0.02  # relative: what a parameter does in the square is a block of its own from there on
 
 
 @dataclass(frozen=True)
@@ -162,8 +162,8 @@ def uncertain_model(family: Family, box: Box, *, seed: int = 0) -> UncertainMode
     """
     count = len(box.half)
     unit = np.eye(count)
-    design = [np.zeros(count), *unit, *-unit, *_corners(count, seed)]
-    between = list(np.random.default_rng(seed).uniform(-1.0, 1.0, (min(4 * count, 12), count)))
+    design = [np.zeros(count), *unit, *-unit, *0.5 * unit, *-0.5 * unit, *_corners(count, seed)]
+    between = list(np.random.default_rng(seed).uniform(-1.0, 1.0, (min(2 * count, 8), count)))
     models = family.at([box.place(share) for share in (*design, *between)])
     if any(m is None for m in models):
         place = next(box.place(s) for s, m in zip((*design, *between), models, strict=True) if m is None)
