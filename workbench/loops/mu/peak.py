@@ -91,7 +91,7 @@ def peak(
             if not level < enough:
                 return Peak(level, warp.back_hz(where), count)
             proof = upper_bound(scaled(matrix, blocks, level), blocks)
-        first, last = _proved(m, blocks, level, proof, omega, (begin, end))
+        first, last = _proved(m, blocks, level, proof, omega, limits=(begin, end))
         count += 1
         if count > _ROUNDS:
             raise SimulationError(f"robust: {count} intervals of frequency have not proved a level; give a band")
@@ -104,7 +104,13 @@ def peak(
 
 
 def level_at(
-    matrix: Complex, blocks: Sequence[Block], known: float = 0.0, *, start: float = 1.0, rounds: int = 30, full: bool = True
+    matrix: Complex,
+    blocks: Sequence[Block],
+    known: float = 0.0,
+    *,
+    start: float = 1.0,
+    rounds: int = 30,
+    full: bool = True,
 ) -> float:
     """Return the least level at one frequency; infinite: the blocks that do not vary are too large by themselves.
 
@@ -226,7 +232,7 @@ def _inside(begin: float, end: float, own: Floats) -> float:
 
 
 def _proved(
-    m: Linear, blocks: Sequence[Block], level: float, proof: Scaling, omega: float, limits: tuple[float, float]
+    m: Linear, blocks: Sequence[Block], level: float, proof: Scaling, omega: float, *, limits: tuple[float, float]
 ) -> tuple[float, float]:
     """Return the ends of the interval around a frequency over which its scalings prove the level."""
     begin, end = limits

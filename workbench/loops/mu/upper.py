@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import LinAlgError, eigh
 
 from workbench.core.values.arrays import Complex
-from workbench.loops.mu.blocks import Block, places
+from workbench.loops.mu.blocks import Block
 from workbench.loops.mu.centre import improved
 
 __all__ = ["Scaling", "bound_of", "upper_bound"]

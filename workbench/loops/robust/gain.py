@@ -111,7 +111,10 @@ def _frequencies(linear: Linear, limits: tuple[float, float], count: int) -> Flo
     natural = natural[(natural > 1e-9 * natural.max(initial=0.0)) & np.isfinite(natural)]
     top = linear.highest_hz * (1.0 - 1e-6) if linear.dt > 0.0 else math.inf
     low, high = (natural.min(initial=1.0) / 10.0, natural.max(initial=1.0) * 10.0) if len(natural) else (0.1, 10.0)
-    low, high = max(limits[0], low if limits[0] == 0.0 else 0.0), min(limits[1], high if limits[1] == math.inf else math.inf)
+    low, high = (
+        max(limits[0], low if limits[0] == 0.0 else 0.0),
+        min(limits[1], high if limits[1] == math.inf else math.inf),
+    )
     high = min(high, top)
     inside = natural[(natural > low) & (natural < high)]
     return np.unique(np.concatenate([np.geomspace(max(low, 1e-6 * high), high, count), inside]))

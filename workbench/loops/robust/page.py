@@ -14,7 +14,7 @@ __all__ = ["robust_page"]
 
 
 def robust_page(result: RobustResult) -> Page:
-    """Return the page: verdict and margin, the worst parameter set, worst-case gain and disk margin, µ over frequency."""
+    """Return the page: verdict and margin, worst parameter set, worst-case gain and disk margin, µ over frequency."""
     return Page(
         title=f"Robustness of {result.model}",
         lead=_lead(result),
@@ -57,9 +57,7 @@ def _verdicts(result: RobustResult) -> list[Verdict]:
     if gain is not None and not result.disk_margins:
         word = "good" if math.isfinite(gain.upper) else "unknown"
         verdicts.append(Verdict(word, f"worst-case gain {_bounds(gain.lower, gain.upper)}, nominal {gain.nominal:.4g}"))
-    verdicts += [
-        Verdict("good" if d.alpha > 0.0 else "unknown", f"{d.where}: {_disk(d)}") for d in result.disk_margins
-    ]
+    verdicts += [Verdict("good" if d.alpha > 0.0 else "unknown", f"{d.where}: {_disk(d)}") for d in result.disk_margins]
     return verdicts
 
 
@@ -112,5 +110,7 @@ def _gain(result: RobustResult) -> Sequence[Section]:
 
 
 def _mu(result: RobustResult) -> Section:
-    caption = "Bounds of µ over frequency: below 1 all parameters in their ranges are borne; and the poles, or the gain."
+    caption = (
+        "Bounds of µ over frequency: below 1 all parameters in their ranges are borne; and the poles, or the gain."
+    )
     return Section("µ over frequency", figures=[(result.plot, caption)] if result.mu else [])

@@ -46,7 +46,9 @@ def _mu(ax: Axes, result: RobustResult) -> None:
     upper = np.array([p.upper for p in result.mu])
     lower = np.array([p.lower for p in result.mu])
     if len(f):
-        ax.semilogx(f, np.where(np.isfinite(upper), upper, np.nan), color=COLOURS[0], linewidth=1.5, label="upper bound")
+        ax.semilogx(
+            f, np.where(np.isfinite(upper), upper, np.nan), color=COLOURS[0], linewidth=1.5, label="upper bound"
+        )
         known = lower > 0.0
         ax.semilogx(f[known], lower[known], ".", color=COLOURS[2], markersize=5, label="lower bound")
         log_axis(ax, float(f[0]), float(f[-1]))

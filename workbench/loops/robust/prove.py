@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.errors import SimulationError
-from workbench.jobs.job import Job
 from workbench.loops.mu.peak import peak
 from workbench.loops.robust.family import Family, Place
 from workbench.loops.robust.uncertain import Box, UncertainModel, uncertain_model
@@ -59,7 +58,7 @@ def needed(model: UncertainModel) -> float:
     return peak(system, blocks).level
 
 
-def proved_margin(family: Family, most: float, job: Job) -> Margin:
+def proved_margin(family: Family, most: float) -> Margin:
     """Return the largest box around the middle that is proved to be stable.
 
     The level that a box needs tells the size of the next one: what grows with it exactly only where the matrices are
@@ -68,7 +67,6 @@ def proved_margin(family: Family, most: float, job: Job) -> Margin:
     Args:
         family: of linear models.
         most: largest size.
-        job: can end it.
     """
     count = len(family.parameters)
     models: dict[float, UncertainModel] = {}
@@ -102,14 +100,13 @@ def proved_margin(family: Family, most: float, job: Job) -> Margin:
     return Margin(best, limit, models, tuple(notes))
 
 
-def divided(family: Family, whole: UncertainModel, boxes: int, job: Job) -> Parts:
+def divided(family: Family, whole: UncertainModel, boxes: int) -> Parts:
     """Prove the stability over the ranges in parts: what is not proved is halved, along what acts most.
 
     Args:
         family: of linear models.
         whole: over the ranges.
         boxes: parts at most.
-        job: can end it.
     """
     todo, proved = [whole], list[UncertainModel]()
     while todo:
@@ -122,6 +119,8 @@ def divided(family: Family, whole: UncertainModel, boxes: int, job: Job) -> Part
             continue
         if len(proved) + len(todo) + 2 > boxes:
             return Parts(())
-        acts = [float(np.linalg.norm(s) + 2.0 * np.linalg.norm(q)) for s, q in zip(model.slopes, model.curves, strict=True)]
+        acts = [
+            float(np.linalg.norm(s) + 2.0 * np.linalg.norm(q)) for s, q in zip(model.slopes, model.curves, strict=True)
+        ]
         todo += [uncertain_model(family, half) for half in model.box.halves(int(np.argmax(acts)))]
     return Parts(tuple(proved))

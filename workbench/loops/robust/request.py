@@ -42,9 +42,9 @@ class Robust(PointOptions, InParts, ModelRequest["RobustResult"]):
         InputError: unknown name, a range that does not rise, input without output, models of different order.
         SimulationError: there is no linear model in the middle, or at another point of the ranges.
 
-    Source: K. Zhou, J. C. Doyle, K. Glover, Robust and Optimal Control (1996), chapters 10 and 11; A. Packard, J. Doyle,
-    The complex structured singular value, Automatica 29 (1993); P. Seiler, A. Packard, P. Gahinet, An introduction to
-    disk margins, IEEE Control Systems 40 (2020).
+    Source: K. Zhou, J. C. Doyle, K. Glover, Robust and Optimal Control (1996), chapters 10 and 11; A. Packard, J.
+    Doyle, The complex structured singular value, Automatica 29 (1993); P. Seiler, A. Packard, P. Gahinet, An
+    introduction to disk margins, IEEE Control Systems 40 (2020).
 
     Examples:
         A gain k in a loop with 1/(s³ + 0.6 s² + s): stable up to 0.6, two thirds of the way from 0.4 to 0.7.
@@ -66,7 +66,9 @@ class Robust(PointOptions, InParts, ModelRequest["RobustResult"]):
 
     command = "robust"
     algorithm = "workbench.loops.robust.run:run"
-    example = "workbench robust system:rudder_loop --uncertain plant.viscous=1600:2400 --uncertain plant.area=0.0032:0.0048"
+    example = (
+        "workbench robust system:rudder_loop --uncertain plant.viscous=1600:2400 --uncertain plant.area=0.0032:0.0048"
+    )
     counts = "linear models"
 
     uncertain: Ranges = option("Parameter, input or state that is uncertain, with its range.", of=EACH)

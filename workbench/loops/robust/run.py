@@ -99,20 +99,20 @@ def run(model: Model, request: Robust, job: Job) -> RobustResult:
             changed=opened.changed,
         )  # fmt: skip
         with one_thread():
-            return _analysed(model, request, opened, family, job, remarks)
+            return _analysed(model, request, opened, family, remarks)
 
 
 def _analysed(
-    model: DescribedModel, request: Robust, opened: _Opened, family: Family, job: Job, remarks: Sequence[str]
+    model: DescribedModel, request: Robust, opened: _Opened, family: Family, remarks: Sequence[str]
 ) -> RobustResult:
     (middle,) = family.at([(0.0,) * len(family.parameters)])
     if middle is None or not is_stable(middle):
         words = worst_place(family, (0.0,) * len(family.parameters)).pole
         raise InputError(
-            f"robust: {model.name} is not stable in the middle of the ranges (pole {words:.4g}); choose ranges around a "
-            "stable point, or hold what drifts, as by a loop around it"
+            f"robust: {model.name} is not stable in the middle of the ranges (pole {words:.4g}); choose ranges around "
+            "a stable point, or hold what drifts, as by a loop around it"
         )
-    margin = proved_margin(family, _most(request, family.parameters, model), job)
+    margin = proved_margin(family, _most(request, family.parameters, model))
     stability, parts, whole = _stability(family, margin, request)
     gain = None
     if opened.performance:
@@ -126,9 +126,7 @@ def _analysed(
         mu=_curve(whole, stability),
         worst_gain=gain,
         disk_margins=_disks(opened, gain),
-        neglected=Neglected(
-            relative=whole.neglected, models=family.count, accuracy=family.accuracy, ranks=whole.ranks
-        ),
+        neglected=Neglected(relative=whole.neglected, models=family.count, accuracy=family.accuracy, ranks=whole.ranks),
         nominal_poles=middle.poles,
         dt=middle.dt,
         trimmed=not request.hold,
@@ -172,9 +170,7 @@ def _most(request: Robust, parameters: Sequence[UncertainParameter], model: Desc
     return result
 
 
-def _stability(
-    family: Family, margin: Margin, request: Robust
-) -> tuple[RobustMargin, Parts, UncertainModel]:
+def _stability(family: Family, margin: Margin, request: Robust) -> tuple[RobustMargin, Parts, UncertainModel]:
     """Return the margin, what is proved of the ranges, and the uncertain model over them."""
     whole = margin.models[1.0]
     most = max(margin.models)
@@ -189,7 +185,7 @@ def _stability(
     size = math.inf if found is None else max(map(abs, found))
     count = 1
     if lower < 1.0 < size:
-        parts = divided(family, whole, request.boxes, Job())
+        parts = divided(family, whole, request.boxes)
         if parts.proved:
             lower, count = 1.0, len(parts.proved)
         elif parts.unstable is not None:
