@@ -108,6 +108,7 @@ from workbench.loops.describing.dual import beside_sine as beside_sine
 from workbench.loops.describing.dual import gain_beside_bias as gain_beside_bias
 from workbench.loops.describing.sector import Sector as Sector
 from workbench.loops.loop.request import loop as loop
+from workbench.loops.loop.result import LoopDisk as LoopDisk
 from workbench.loops.loop.result import LoopResult as LoopResult
 from workbench.loops.nyquist.absolute import AbsoluteStability as AbsoluteStability
 from workbench.loops.nyquist.absolute import absolute_stability as absolute_stability

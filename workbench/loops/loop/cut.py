@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 
 from workbench.core.values.operating_point import OperatingPoint
@@ -28,7 +28,7 @@ from workbench.system.description import (
 from workbench.system.model import SystemModel
 from workbench.system.terminals import members_connected
 
-__all__ = ["INJECTED", "PASSED", "RETURNED", "CutLoop", "cut_loop", "injected_at", "source_of"]
+__all__ = ["INJECTED", "PASSED", "RETURNED", "CutLoop", "cut_loop", "injected_at", "loop_sources", "source_of"]
 
 RETURNED = "loop.returned"
 PASSED = "loop.passed"
@@ -154,6 +154,25 @@ def injected_at(
     notes = tuple(dict.fromkeys(note for place in places for note in _notes(plain, place, time)))
     with recipe.open() as opened:
         yield opened, tuple(places), notes
+
+
+def loop_sources(model: Model) -> tuple[str, ...]:
+    """Return the variables whose connections are in a loop, but for outputs of gains and sums, if there are others.
+
+    Args:
+        model: the system.
+
+    Raises:
+        InputError: no system, parts of co-simulation.
+    """
+    system = _checked(model)
+    resolved = _resolved(system)
+    found = list[str]()
+    for source in dict.fromkeys(w.ends[0] for w in resolved.wires):
+        with suppress(InputError):  # in no loop, or no real number
+            found.append(find_place(system.system, resolved, source).source)
+    plain = {c.name for c in system.system.components if isinstance(c, GainComponent | SumComponent)}
+    return tuple(s for s in found if s.partition(".")[0] not in plain) or tuple(found)
 
 
 def source_of(model: Model, where: Open) -> str:
