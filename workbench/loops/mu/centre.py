@@ -13,7 +13,8 @@ from workbench.loops.mu.blocks import Block, places
 
 __all__ = ["improved"]
 
-_ROUNDS, _STEPS = 30, 2  # of the level, and of Newton's method at each
+_ROUNDS, _STEPS = 30, 8  # of the level, and of Newton's method at each
+_CENTRED = 0.5  # a step so small, in the norm of the Hessian, ends them
 _TOWARDS = 0.2  # the next level lies so far from the least one that is proved towards the one before
 _ENOUGH = 2e-3  # relative: a level that falls by less ends the search
 _LARGEST_G = 100.0  # beside a matrix of size 1: G grows no further, which a real block could let it do for ever
@@ -47,7 +48,9 @@ def improved(
         if not 1e-10 < t < np.inf:
             break
         for _ in range(_STEPS):
-            x = search.step(x, t)
+            x, decrement = search.step(x, t)
+            if decrement < _CENTRED:
+                break
         found = search.least(x)
         if found < smallest:
             best, smallest = search.matrices(x), found
@@ -99,11 +102,11 @@ class _Search:
         except (LinAlgError, ValueError):
             return np.inf
 
-    def step(self, x: Floats, t: float) -> Floats:
-        """Return the coordinates after a step of Newton's method, damped, with the trace of D as it was."""
+    def step(self, x: Floats, t: float) -> tuple[Floats, float]:
+        """Return the coordinates after a damped step of Newton's method, with the trace of D as it was; and its size."""
         inside = self._factors(x, t)
         if inside is None:
-            return x
+            return x, 0.0
         f, d = inside
         k = len(self._d)
         first = _seen(f, np.concatenate([t * self._d - self._fixed, -self._turned]))
@@ -117,14 +120,14 @@ class _Search:
         try:
             move = np.linalg.solve(system, np.append(-gradient, 0.0))[:-1]
         except np.linalg.LinAlgError:
-            return x
+            return x, 0.0
         decrement = float(np.sqrt(max(-gradient @ move, 0.0)))
         share = 1.0 / (1.0 + decrement)
         for _ in range(20):
             if self._factors(x + share * move, t) is not None:
-                return np.asarray(x + share * move)
+                return np.asarray(x + share * move), decrement
             share *= 0.5
-        return x
+        return x, 0.0
 
     def _factors(self, x: Floats, t: float) -> tuple[Complex, Complex] | None:
         """Return the Cholesky factors of both matrices that have to be positive; None: one of them is not."""
