@@ -42,7 +42,7 @@ def routh(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_bounds_of_mu_hold_the_truth_of_matrices_whose_mu_is_known() -> None:
-    assert mu.run(cases=10, seed=3) == 0
+    assert mu.run(cases=5, seed=3) == 0
 
 
 def test_no_peak_hides_between_frequencies() -> None:
@@ -115,7 +115,7 @@ def test_a_time_constant_acts_by_its_inverse_and_the_bounds_hold_that() -> None:
 
 
 def test_no_bound_is_optimistic_over_loops_whose_parameters_act_in_curves() -> None:
-    assert robust.run(cases=2, samples=1000, seed=2) == 0
+    assert robust.run(cases=1, samples=400, seed=2) == 0
 
 
 @pytest.mark.parametrize(
@@ -123,7 +123,7 @@ def test_no_bound_is_optimistic_over_loops_whose_parameters_act_in_curves() -> N
     [
         ("--uncertain k.gian=0.1:0.7", "did you mean"),
         ("--uncertain k.gain=0.7:0.1", "LO < HI"),
-        ("--uncertain k.gain=0.1:0.7 --input r", "outputs: the worst-case gain needs inputs and outputs"),
+        ("--uncertain k.gain=0.1:0.7 --input r", "--output: the worst-case gain needs inputs and outputs"),
         ("--uncertain k.gain=0.5:0.9", "is not stable in the middle of the ranges"),
         ("--uncertain k.gain=0.1:0.7 --open plant.z", "no connection leaves 'plant.z'"),
     ],

@@ -23,7 +23,8 @@ _CLOSE = 0.005  # relative: how near the level is to the least that the scalings
 _AXIS = 1e-7  # an eigenvalue so near to the imaginary axis, relative to its size, is on it
 _PROVED = 0.9  # a bound that leaves so much room is as good as a smaller one
 _DOUBLED = 30  # changes of a level
-_SHRUNK = 1e-9  # relative: what is left of a proved interval's ends to the next one
+_SHRUNK = 1e-3  # so much of a proved interval is left to the next one, at each end
+_NARROW = 1e-10  # relative: of an interval that is narrower rounding leaves nothing
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,7 @@ def peak(
         count += 1
         if count > _ROUNDS:
             raise SimulationError(f"robust: {count} intervals of frequency have not proved a level; give a band")
-        if not first < last:  # rounding leaves nothing
+        if not last - first > _NARROW * omega:
             level, where = level * (1.0 + close), omega
             todo.append((begin, end))
             continue
@@ -239,9 +240,12 @@ def _proved(
     crossed = _crossings(m, blocks, level, proof)
     if crossed is None:
         return omega, omega
-    below, above = crossed[crossed <= omega], crossed[crossed >= omega]
-    first = max(begin, float(below.max()) * (1.0 + _SHRUNK)) if len(below) and below.max() > begin else begin
-    last = min(end, float(above.min()) * (1.0 - _SHRUNK)) if len(above) and above.min() < end else end
+    below, above = crossed[(crossed <= omega) & (crossed > begin)], crossed[(crossed >= omega) & (crossed < end)]
+    first, last = begin, end
+    if len(below):
+        first = float(below.max()) + _SHRUNK * (omega - float(below.max()))
+    if len(above):
+        last = float(above.min()) - _SHRUNK * (float(above.min()) - omega)
     for at in (first, last, _inside(first, omega, np.zeros(0)), _inside(omega, last, np.zeros(0))):
         if first <= at <= last and not _holds(response_at(m, at), blocks, level, proof):
             if at < omega:

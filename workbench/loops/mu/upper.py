@@ -15,6 +15,9 @@ from workbench.loops.mu.centre import improved
 __all__ = ["Scaling", "bound_of", "upper_bound"]
 
 
+_LARGEST_G = 100.0  # beside D, of a matrix of size 1: a bound is widened within 1/200 of where M is real
+
+
 @dataclass(frozen=True, eq=False)
 class Scaling:
     """What proves an upper bound β of µ(M): Mᴴ D M + j (G M - Mᴴ G) ≤ β² D.
@@ -52,11 +55,32 @@ def upper_bound(matrix: Complex, blocks: Sequence[Block], *, enough: float = 0.0
     if plain.bound <= enough or not np.isfinite(plain.bound):
         return plain
     result = min(plain, _diagonal(matrix / plain.bound, blocks, plain.bound), key=lambda s: s.bound)
+    result = _limited(matrix, result)
     if full and result.bound > enough and any(b.real and b.size > 1 for b in blocks):
         size = plain.bound
         d, g = improved(matrix / size, blocks, result.d, result.g / size, enough=enough / size)
-        result = min(result, Scaling(bound_of(matrix, d, g * size), d, g * size), key=lambda s: s.bound)
+        found = _limited(matrix, Scaling(bound_of(matrix, d, g * size), d, g * size))
+        result = min(result, found, key=lambda s: s.bound)
     return result
+
+
+def _limited(matrix: Complex, scaling: Scaling) -> Scaling:
+    """Return the scalings with a G that is not large beside D.
+
+    Where M is nearly real µ of real numbers is not continuous in the frequency. A G that grows there without limit
+    would prove less and less of an interval, and in the end what rounding makes of it.
+    """
+    values, vectors = np.linalg.eigh(scaling.d)
+    if not (np.isfinite(values).all() and values[0] > 0.0):
+        return Scaling(np.inf, np.eye(len(matrix), dtype=np.complex128), np.zeros_like(matrix, dtype=np.complex128))
+    root = (vectors * np.sqrt(values)) @ vectors.conj().T
+    inverse = (vectors / np.sqrt(values)) @ vectors.conj().T
+    most = _LARGEST_G * float(np.linalg.norm(root @ matrix @ inverse, 2))
+    sizes, turned = np.linalg.eigh(inverse @ scaling.g @ inverse)
+    if float(np.abs(sizes).max(initial=0.0)) <= most:
+        return scaling
+    g = root @ (turned * np.clip(sizes, -most, most)) @ turned.conj().T @ root
+    return Scaling(bound_of(matrix, scaling.d, g), scaling.d, g)
 
 
 def bound_of(matrix: Complex, d: Complex, g: Complex) -> float:
