@@ -6,6 +6,7 @@ import json
 import math
 from pathlib import Path
 
+import control
 import numpy as np
 import pytest
 
@@ -31,6 +32,21 @@ error = {sum = "+-"}
 r = "error.u1"
 [outputs]
 y = "plant.y"
+"""
+
+SATELLITE = """
+[components.plant]
+A = [[0.0, 10.0], [-10.0, 0.0]]
+B = [[1.0, 0.0], [0.0, 1.0]]
+C = [[1.0, 10.0], [-10.0, 1.0]]
+D = [[0.0, 0.0], [0.0, 0.0]]
+inputs = ["u1", "u2"]
+outputs = ["y1", "y2"]
+[connections]
+"plant.u1" = {from = "plant.y1", gain = -1.0}
+"plant.u2" = {from = "plant.y2", gain = -1.0}
+[outputs]
+y1 = "plant.y1"
 """
 
 
@@ -63,7 +79,8 @@ def test_no_peak_hides_between_frequencies() -> None:
 def test_a_real_number_is_borne_where_a_complex_one_is_not() -> None:
     """s² + 2ζ s + 1 + δ: stable for every real δ > -1; a complex δ of the size 2ζ√(1 - ζ²) makes it unstable."""
     zeta = 0.05
-    system = Linear([[0.0, 1.0], [-1.0, -2.0 * zeta]], [0.0, -1.0], [1.0, 0.0], 0.0)
+    a = np.array([[0.0, 1.0], [-1.0, -2.0 * zeta]])
+    system = Linear(a, np.array([[0.0], [-1.0]]), np.array([[1.0, 0.0]]), np.zeros((1, 1)))
     real, any_number = peak(system, [Block(size=1, real=True)]), peak(system, [Block(size=1)])
     assert 1.0 <= real.level <= 1.02
     truth = 1.0 / (2.0 * zeta * math.sqrt(1.0 - zeta**2))
@@ -71,7 +88,8 @@ def test_a_real_number_is_borne_where_a_complex_one_is_not() -> None:
 
 
 def test_a_sampled_peak_is_that_on_the_unit_circle() -> None:
-    found = peak(Linear([[-0.8]], [1.0], [1.0], 0.0, dt=0.1), [Block(size=1)])
+    one = np.ones((1, 1))
+    found = peak(Linear(-0.8 * one, one, one, 0.0 * one, dt=0.1), [Block(size=1)])
     assert 5.0 <= found.level <= 5.1  # 1/|z - p| at z = -1
     assert found.frequency_hz == pytest.approx(5.0)
 
@@ -140,3 +158,26 @@ def test_what_cannot_be_asked_is_told_in_a_line(
 def test_a_connection_is_opened_once(routh: Path) -> None:
     with wb.load(routh) as system, pytest.raises(InputError, match="have a connection in common"):
         wb.robust(system, uncertain={"k.gain": (0.2, 0.4)}, open=["plant.y", "error.u2"], in_process=True)
+
+
+def test_disk_margins_of_several_loops_are_those_of_python_control(tmp_path: Path) -> None:
+    """The spinning satellite of Zhou, Doyle & Glover, section 9.6: large margins one at a time, small ones of both."""
+    path = tmp_path / "satellite.toml"
+    path.write_text(SATELLITE, encoding="utf-8")
+    with wb.load(path) as system:
+        found = wb.loop(system, ["plant.y1", "plant.y2"])
+        everything = wb.loop(system, "all")
+    told = {d.where.partition(" ")[0]: d for d in found.disk_margins}
+    assert list(told) == ["plant.y1", "plant.y2", "all"]
+    one, both = told["plant.y1"], told["all"]
+    # One at a time L = 1/s: the largest |S - T| is 1, at all frequencies.
+    assert one.alpha == pytest.approx(2.0, rel=1e-4)
+    a = np.array([[0.0, 10.0], [-10.0, 0.0]])
+    plant = control.ss(a, np.eye(2), [[1.0, 10.0], [-10.0, 1.0]], 0.0)
+    at = 2.0 * math.pi * both.frequency_hz
+    alpha = control.disk_margins(plant, np.unique([*np.linspace(0.5, 1.5, 41) * max(at, 0.1), at]), skew=0.0)[0]
+    assert both.alpha == pytest.approx(alpha, rel=1e-3)
+    assert both.alpha < 0.3
+    assert both.gain_db == pytest.approx(20.0 * math.log10((2.0 + alpha) / (2.0 - alpha)), rel=1e-2)
+    assert everything.disk_margins[-1].alpha == pytest.approx(both.alpha, rel=1e-3)
+    assert found.others[0].place.source == "plant.y2"

@@ -82,10 +82,10 @@ def difference(
 
 def _groups(places: Sequence[Opening]) -> Mapping[str, tuple[int, ...]]:
     """Return name → numbers of the places: each alone, outputs or inputs of one part, all."""
-    result = {place.label: (k,) for k, place in enumerate(places)}
+    result: dict[str, tuple[int, ...]] = {place.label: (k,) for k, place in enumerate(places)}
     if len(places) < 2:
         return result
-    result |= dict(_sides(places))
+    result.update(_sides(places))
     return {**result, "all at the same time": tuple(range(len(places)))}
 
 

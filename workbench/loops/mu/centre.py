@@ -103,7 +103,7 @@ class _Search:
             return np.inf
 
     def step(self, x: Floats, t: float) -> tuple[Floats, float]:
-        """Return the coordinates after a damped step of Newton's method, with the trace of D as it was; and its size."""
+        """Return the coordinates after a damped step of Newton's method, the trace of D as it was; and its size."""
         inside = self._factors(x, t)
         if inside is None:
             return x, 0.0

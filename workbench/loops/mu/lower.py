@@ -69,7 +69,7 @@ def _crossings(matrix: Complex, path: _Path) -> Iterator[Complex]:
     for k in range(_STEPS):
         left = values[k + 1].tolist()
         for value in sorted(values[k].tolist(), key=abs, reverse=True):
-            near = min(left, key=lambda v, value=value: abs(v - value))
+            near = left[int(np.argmin(np.abs(np.array(left) - value)))]
             left.remove(near)
             if value.imag * near.imag < 0.0 and abs(value - near) < 0.5 * (abs(value) + abs(near)):
                 yield path(_bisected(matrix, path, (steps[k], steps[k + 1]), (value, near)))
@@ -101,7 +101,11 @@ def _edges(blocks: Sequence[Block], seed: int) -> Iterator[_Path]:
             if signs[k] < 0.0 or count > _CORNERS:
                 ends = np.where(np.arange(count) == k, -1.0, signs), np.where(np.arange(count) == k, 1.0, signs)
                 first, last = (np.diag(np.repeat(end, sizes)).astype(np.complex128) for end in ends)
-                yield lambda t, first=first, last=last: (1.0 - t) * first + t * last
+                yield _between(first, last)
+
+
+def _between(first: Complex, last: Complex) -> _Path:
+    return lambda t: (1.0 - t) * first + t * last
 
 
 def _turned(blocks: Sequence[Block], shape: Complex) -> _Path:

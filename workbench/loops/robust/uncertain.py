@@ -179,7 +179,7 @@ def uncertain_model(family: Family, box: Box, *, seed: int = 0) -> UncertainMode
     slopes = tuple(_low_rank(0.5 * (up - down), least) for up, down in ends)
     bent = [0.5 * (up + down) - middle for up, down in ends]
     curves = tuple(
-        _low_rank(q, least) if np.linalg.norm(q) > max(_CURVED * np.linalg.norm(s), least) else np.zeros_like(q)
+        _low_rank(q, least) if _norm(q) > max(_CURVED * _norm(s), least) else np.zeros_like(q)
         for q, s in zip(bent, slopes, strict=True)
     )
     shifted = middle + 0.5 * sum(curves, np.zeros_like(middle))
@@ -236,6 +236,10 @@ def _root(square: Floats, least: float) -> tuple[Floats, Floats]:
     some = values > max(least**2, 1e-20 * float(values[-1]))
     root = values[some] ** 0.25
     return vectors[:, some] * root, (vectors[:, some] / root).T
+
+
+def _norm(matrix: Floats) -> float:
+    return float(np.linalg.norm(matrix))
 
 
 def _low_rank(matrix: Floats, least: float) -> Floats:
