@@ -42,6 +42,8 @@ SHORT: Mapping[str, tuple[Mapping[str, Any], ...]] = {
     "rudder": (),
     "calibrate": ({"cases": 2, "every": 7},),
     "tune": ({"cases": 6, "planted": 3, "names": "AC4,HE1"},),
+    "mu": ({"cases": 100},),
+    "robust": ({"cases": 6, "samples": 2000},),
 }
 
 

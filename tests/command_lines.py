@@ -108,6 +108,7 @@ LINES = {
     "trim": (f"trim {LAG_FMU} --u0 u=2", "converged"),
     "lin": (f"lin {LAG_FMU} --over tau=0.5,1,2", "systems"),
     "loop": (f"loop loop.toml --open c.y {LOUD} --how inject --refine 0 --in-process", "measured"),
+    "robust": (f"robust {LAG_FMU} --uncertain tau=0.5:1.5 --in-process", ""),
     "delays": ("check master.toml --stop 1 --input reference=1 --step 0.02 --in-process --delays", ""),
     "limit-cycle": ("limit-cycle loop.toml --block block --method shooting --vary gain=0.99:1.01 --in-process", ""),
     "feedback": ("feedback lags.toml --from c.y --to a.u", "stable_gains"),

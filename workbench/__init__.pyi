@@ -59,6 +59,7 @@ from workbench.loops.loop.request import loop as loop
 from workbench.loops.nyquist.absolute import absolute_stability as absolute_stability
 from workbench.loops.nyquist.nyquist import nyquist as nyquist
 from workbench.loops.onset.request import onset as onset
+from workbench.loops.robust.request import robust as robust
 from workbench.model import FmuModel as FmuModel
 from workbench.model import Model as Model
 from workbench.model import Variable as Variable
@@ -160,6 +161,7 @@ from workbench.limit_cycles.limit_cycle.result import LimitCycleResult as LimitC
 from workbench.limit_cycles.limit_cycle.result import SimulatedCycle as SimulatedCycle
 from workbench.loops.describing.base import DescribedBlock as DescribedBlock
 from workbench.loops.describing.describe import DescribingFunction as DescribingFunction
+from workbench.loops.loop.result import LoopDisk as LoopDisk
 from workbench.loops.loop.result import LoopResult as LoopResult
 from workbench.loops.nyquist.absolute import AbsoluteStability as AbsoluteStability
 from workbench.loops.nyquist.result import Crossing as Crossing
@@ -168,6 +170,14 @@ from workbench.loops.onset.result import Attitude as Attitude
 from workbench.loops.onset.result import Jump as Jump
 from workbench.loops.onset.result import OnsetPoint as OnsetPoint
 from workbench.loops.onset.result import OnsetResult as OnsetResult
+from workbench.loops.robust.family import UncertainParameter as UncertainParameter
+from workbench.loops.robust.result import MuPoint as MuPoint
+from workbench.loops.robust.result import Neglected as Neglected
+from workbench.loops.robust.result import RobustMargin as RobustMargin
+from workbench.loops.robust.result import RobustResult as RobustResult
+from workbench.loops.robust.result import WorstDisk as WorstDisk
+from workbench.loops.robust.result import WorstGain as WorstGain
+from workbench.loops.robust.result import WorstPlace as WorstPlace
 from workbench.model.described_model import DescribedModel as DescribedModel
 from workbench.point.lin.grid import LinGrid as LinGrid
 from workbench.point.lin.grid import LinPoint as LinPoint

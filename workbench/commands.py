@@ -39,6 +39,7 @@ GROUPS: Mapping[str, Mapping[str, Mapping[str, str]]] = {
     },
     "Closed loops": {
         "loop": {"loop": "loops.loop.request:Loop"},
+        "robust": {"robust": "loops.robust.request:Robust"},
         "limit-cycle": {"limit-cycle": "limit_cycles.limit_cycle.request:LimitCycles"},
         "onset": {"onset": "loops.onset.request:RateOnset"},
         "feedback": {"feedback": "limit_cycles.feedback.request:Feedback"},

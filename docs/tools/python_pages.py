@@ -15,7 +15,7 @@ _GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
         "loops",
         "Loops, limit cycles, control",
         (
-            "loops.loop", "loops.describing", "loops.nyquist", "limit_cycles", "response.branches", "response.compare.",
+            "loops.loop", "loops.robust", "loops.describing", "loops.nyquist", "limit_cycles", "response.branches", "response.compare.",
             "point.modes", "point.reduction", "core.values.closed_loop",
         ),
     ),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+import itertools
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 
 from workbench.core.values.operating_point import OperatingPoint
@@ -27,7 +28,7 @@ from workbench.system.description import (
 from workbench.system.model import SystemModel
 from workbench.system.terminals import members_connected
 
-__all__ = ["INJECTED", "PASSED", "RETURNED", "CutLoop", "cut_loop", "source_of"]
+__all__ = ["INJECTED", "PASSED", "RETURNED", "CutLoop", "cut_loop", "injected_at", "loop_sources", "source_of"]
 
 RETURNED = "loop.returned"
 PASSED = "loop.passed"
@@ -117,6 +118,62 @@ def cut_loop(model: Model, where: Open, *, point: OperatingPoint | None = None) 
     return CutLoop(system, place, point, value, time, _notes(plain, place, time), plain)
 
 
+@contextmanager
+def injected_at(
+    model: Model, wheres: Sequence[Open], *, point: OperatingPoint | None = None
+) -> Iterator[tuple[DescribedModel, tuple[Opening, ...], tuple[str, ...]]]:
+    """Give the system with its loops closed and an input added to the signal at each of several places; and the places.
+
+    Input and outputs at place k, from 1: "loop.injected.k", "loop.returned.k" before the sum, "loop.passed.k" behind.
+
+    Args:
+        model: the system; it stays open.
+        wheres: see `find_place`.
+        point: see `cut_loop`.
+
+    Raises:
+        InputError: see `cut_loop`; or two places have a connection in common.
+        SimulationError: the system cannot be started there.
+    """
+    system = _checked(model)
+    resolved = _resolved(system)
+    places = [find_place(system.system, resolved, where) for where in wheres]
+    for a, b in itertools.combinations(places, 2):
+        if set(a.wires) & set(b.wires):
+            raise InputError(f"open: {a.label} and {b.label} have a connection in common; open it once")
+    plain = settled(system.system, resolved)
+    changed, outputs = plain, dict[str, str]()
+    for number, place in enumerate(places, 1):
+        changed = _cut(changed, place, _summed, mark=f".{number}")
+        outputs |= changed.outputs
+    recipe = replace(system.recipe, system=replace(changed, outputs=outputs), at=point)
+    if point is not None:
+        recipe = replace(recipe, bias={n: value for n, value in recipe.bias.items() if n not in point.u})
+    time = 0.0 if point is None else point.time
+    notes = tuple(dict.fromkeys(note for place in places for note in _notes(plain, place, time)))
+    with recipe.open() as opened:
+        yield opened, tuple(places), notes
+
+
+def loop_sources(model: Model) -> tuple[str, ...]:
+    """Return the variables whose connections are in a loop, but for outputs of gains and sums, if there are others.
+
+    Args:
+        model: the system.
+
+    Raises:
+        InputError: no system, parts of co-simulation.
+    """
+    system = _checked(model)
+    resolved = _resolved(system)
+    found = list[str]()
+    for source in dict.fromkeys(w.ends[0] for w in resolved.wires):
+        with suppress(InputError):  # in no loop, or no real number
+            found.append(find_place(system.system, resolved, source).source)
+    plain = {c.name for c in system.system.components if isinstance(c, GainComponent | SumComponent)}
+    return tuple(s for s in found if s.partition(".")[0] not in plain) or tuple(found)
+
+
 def source_of(model: Model, where: Open) -> str:
     """Return the variable whose connections are opened.
 
@@ -179,8 +236,15 @@ def _summed(name: str, source: str) -> _Made:
     return SumComponent(name=name), (lead,), {INJECTED: (f"{name}.u2",)}, {RETURNED: source, PASSED: f"{name}.y"}
 
 
-def _cut(system: SystemDescription, place: Opening, make: _Make) -> SystemDescription:
-    """Return the system with a block behind the source; gains, offsets and units stay behind the block."""
+def _cut(system: SystemDescription, place: Opening, make: _Make, *, mark: str = "") -> SystemDescription:
+    """Return the system with a block behind the source; gains, offsets and units stay behind the block.
+
+    Args:
+        system: with its connections in the order of the place.
+        place: where.
+        make: the block.
+        mark: behind the names of its signals.
+    """
     name = free_name("loop_cut", system.components)
     block, leads, inputs, outputs = make(name, place.source)
     connections = [
@@ -191,6 +255,6 @@ def _cut(system: SystemDescription, place: Opening, make: _Make) -> SystemDescri
         system,
         components=(*system.components, block),
         connections=(*connections, *leads),
-        inputs={**system.inputs, **inputs},
-        outputs=outputs,
+        inputs={**system.inputs, **{n + mark: ends for n, ends in inputs.items()}},
+        outputs={n + mark: variable for n, variable in outputs.items()},
     )

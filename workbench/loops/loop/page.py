@@ -36,11 +36,32 @@ def loop_page(result: LoopResult) -> Page:
             ),
             *_linear(result),
             *(_curve(c, place.unit) for c in result.curves),
+            *_several(result),
         ],
         summary=_verdicts(result, unit),
         notes=result.notes,
         kind="loop",
     )
+
+
+def _several(result: LoopResult) -> list[Section]:
+    """Return the disk margins of several places, and what the others are by themselves."""
+    if not result.others:
+        return []
+    rows = [
+        (d.where, number(d.alpha), number(d.gain_db), number(d.phase_deg), number(d.frequency_hz))
+        for d in result.disk_margins
+    ]
+    headings = ("where gain and phase vary at once", "disk", "gain ± [dB]", "phase ± [deg]", "at [Hz]")
+    tables = [PageTable(headings, rows, right=(1, 2, 3, 4))] if rows else []
+    parts = [
+        Section(
+            f"Opened at {other.place.label}",
+            parts=[*_linear(other), *(_curve(c, other.place.unit) for c in other.curves)],
+        )
+        for other in result.others
+    ]
+    return [Section("Several loops", tables=tables, parts=parts)]
 
 
 def _verdicts(result: LoopResult, unit: str) -> list[Verdict]:
@@ -49,7 +70,16 @@ def _verdicts(result: LoopResult, unit: str) -> list[Verdict]:
         *linear,
         *(margin_verdict(f"{c.how}, amplitude {c.amplitude:g}{unit}", c.margins) for c in result.curves),
     ]
-    failed = [(c, p) for c in result.curves for p in c.failed]
+    verdicts += [
+        margin_verdict(f"opened at {other.place.label}", other.linear.margins)
+        for other in result.others
+        if other.linear is not None
+    ]
+    verdicts += [
+        Verdict("stable", f"{d.where}: ±{d.gain_db:.3g} dB or ±{d.phase_deg:.3g}° (disk margin)")
+        for d in result.disk_margins[-1:]
+    ]
+    failed = [(c, p) for one in (result, *result.others) for c in one.curves for p in c.failed]
     return verdicts + [
         Verdict("failed", f"amplitude {c.amplitude:g}{unit} at {p.frequency_hz:.5g} Hz: {p.reason}") for c, p in failed
     ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, replace
 from typing import TYPE_CHECKING
 
@@ -20,15 +20,31 @@ if TYPE_CHECKING:
     from workbench.loops.loop.result import LoopResult
     from workbench.model import Model
 
-__all__ = ["Loop", "Open", "loop"]
+__all__ = ["Loop", "Open", "loop", "openings"]
 
 _MEASURING = "Measuring at amplitudes"
 
+Open = str | tuple[str, str]
+
+
+def openings(value: Open | Sequence[Open]) -> list[Open]:
+    """Return the places that are opened: a list names several, a pair is one connection.
+
+    Args:
+        value: as Python or a TOML file has it.
+    """
+    return [value] if isinstance(value, str | tuple) else list(value)
+
+
 _CONNECTION = Form(
     metavar="PLANT.Y",
-    layout=replace(ONE, join=lambda value: [value if isinstance(value, str) else " -> ".join(value)]),
+    layout=replace(
+        ONE,
+        split=lambda texts: texts[0] if len(texts) == 1 else list(texts),
+        join=lambda value: [x if isinstance(x, str) else " -> ".join(x) for x in openings(value)],
+    ),
+    repeated=True,
 )
-Open = str | tuple[str, str]
 
 
 class Loop(AtPoint, InWorkers, ModelRequest["LoopResult"]):
@@ -52,6 +68,10 @@ class Loop(AtPoint, InWorkers, ModelRequest["LoopResult"]):
     broken loop holds it: the two differ. The distortion of z and y is given for each point: margins of a loop whose z
     is far from a sine are not reliable. Stability at an amplitude is counted by Nyquist's criterion from the
     linear loop.
+
+    Several places give L of each with the others closed, and disk margins: of each, of those at the outputs or inputs
+    of one part, and of all at the same time, each place with a gain and phase of its own. They are proved over all
+    frequencies by the upper bound of µ (see `robust`), which for up to three places is µ itself.
 
     Not for co-simulation parts (their communication steps are a part of the loop). Measured values of a sampled loop
     are those of its continuous signals, of which z-domain margins take the values at the samples only.
@@ -88,9 +108,10 @@ class Loop(AtPoint, InWorkers, ModelRequest["LoopResult"]):
     # Tighter than for a time history, as for a frequency response.
     usual_tolerance = 1e-8
 
-    open: Open = option(
+    open: Open | Sequence[Open] = option(
         "Connection at which the loop is opened: a source 'plant.y' (all its connections), an input 'controller.u' "
-        "(the connection to it), one connection 'plant.y -> controller.u', or an output of the system.",
+        "(the connection to it), one connection 'plant.y -> controller.u', or an output of the system. Given several "
+        "times, or all: each by itself, and the disk margins of all at the same time.",
         form=_CONNECTION,
     )
     amplitudes: Amounts | None = option(
@@ -184,7 +205,7 @@ class Loop(AtPoint, InWorkers, ModelRequest["LoopResult"]):
         Raises:
             InputError: there is no such connection.
         """
-        result: str = named("workbench.loops.loop.cut:source_of")(subject, self.open)
+        result: str = named("workbench.loops.loop.cut:source_of")(subject, openings(self.open)[0])
         return result
 
     def went_well(self, record: LoopResult) -> bool:
@@ -193,7 +214,7 @@ class Loop(AtPoint, InWorkers, ModelRequest["LoopResult"]):
         Args:
             record: of this request.
         """
-        return not any(curve.failed for curve in record.curves)
+        return not any(curve.failed for one in (record, *record.others) for curve in one.curves)
 
 
 loop = function(Loop)

@@ -26,7 +26,7 @@ from workbench.show.result import Result
 if TYPE_CHECKING:
     from control import StateSpace
 
-__all__ = ["MANY", "LinearLoop", "LoopResult", "Opening"]
+__all__ = ["MANY", "LinearLoop", "LoopDisk", "LoopResult", "Opening"]
 
 MANY = 200  # frequencies that show a loop
 
@@ -50,6 +50,8 @@ class LoopResult(Result):
         linear: result of `lin` at that point; None where it failed, `notes` say why.
         curves: measured at amplitudes, in the order of measurement and amplitude; empty: none were asked for.
         why: why it was measured so; empty without amplitudes.
+        others: of the further places, each opened by itself.
+        disk_margins: of several places, one at a time and at the same time; empty: one place, or there are none.
         notes: one line each.
         operating_point: operating point of the closed loop; None: not known.
     """
@@ -63,6 +65,8 @@ class LoopResult(Result):
     linear: LinearLoop | None
     curves: tuple[LoopCurve, ...] = field(default=(), metadata=entry(key="measured"))
     why: str = ""
+    others: tuple[LoopResult, ...] = ()
+    disk_margins: tuple[LoopDisk, ...] = ()
     notes: tuple[str, ...] = ()
     operating_point: OperatingPoint | None = None
 
@@ -166,6 +170,25 @@ def _numbers(value: complex | None) -> list[Any]:
     with np.errstate(divide="ignore"):
         s = float(abs(np.divide(1.0, 1.0 + value)))
     return [abs(value), float(decibels(value)), float(degrees(value)), s, s * abs(value)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoopDisk(RecordPart):
+    """The disk margin (skew 0) of one place or several: gain and phase at each may vary at once, each by itself.
+
+    Attributes:
+        where: the places.
+        alpha: size of the disk that is proved; for up to three places there is no larger one.
+        gain_db: the gain may rise or fall by so much at each [dB].
+        phase_deg: or the phase may turn by so much either way [deg].
+        frequency_hz: where the disk is smallest [Hz].
+    """
+
+    where: str
+    alpha: float
+    gain_db: float = field(metadata=entry(null=math.inf))
+    phase_deg: float
+    frequency_hz: float = field(metadata=entry(null=math.inf))
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from workbench.core.records.forms import Widths, several
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError, SimulationError
@@ -10,8 +12,9 @@ from workbench.loops.loop.cut import CutLoop, cut_loop
 from workbench.loops.loop.linear import linear_loop
 from workbench.loops.loop.measure import choose_measurement, measure
 from workbench.loops.loop.measured import LoopCurve
-from workbench.loops.loop.request import Loop
+from workbench.loops.loop.request import Loop, Open, openings
 from workbench.loops.loop.result import LinearLoop, LoopResult
+from workbench.loops.loop.several import all_places, disk_margins
 from workbench.model import Model
 from workbench.model.operating_point import find_point, named, standing
 from workbench.point.trim.request import trim
@@ -24,11 +27,27 @@ _SAMPLED = 0.5  # and to this part of the Nyquist frequency: near it periods do 
 
 
 def run(system: Model, request: Loop, job: Job) -> LoopResult:
-    """Open a loop; see `Loop`."""
+    """Open a loop, or several one after the other; see `Loop`."""
+    point, remarks = find_point(system, _trimmed(system) if request.trim else request.at)
+    places = all_places(system) if request.open == "all" else openings(request.open)
+    results = list[LoopResult]()
+    for number, where in enumerate(places, 1):
+        job.stage(number, len(places))
+        results.append(_opened(system, where, point, remarks, request=request, job=job))
+    if len(results) == 1:
+        return results[0]
+    disks, notes = disk_margins(system, places, point=point, method=request.method)
+    first = results[0]
+    every = tuple(dict.fromkeys((*first.notes, *notes)))
+    return replace(first, others=tuple(results[1:]), disk_margins=disks, notes=every)
+
+
+def _opened(
+    system: Model, where: Open, point: OperatingPoint | None, remarks: tuple[str, ...], *, request: Loop, job: Job
+) -> LoopResult:
     wanted = request.amplitudes is not None
     amplitudes = tuple(sorted(several(request.amplitudes or ())))
-    point, remarks = find_point(system, _trimmed(system) if request.trim else request.at)
-    cut = cut_loop(system, request.open, point=point)
+    cut = cut_loop(system, where, point=point)
     linear, doubts = _linear(cut, request.method, request.dx, request.du, needed=not wanted)
     curves: list[LoopCurve] = []
     why = ""

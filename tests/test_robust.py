@@ -1,0 +1,183 @@
+"""What holds for all parameters in their ranges: bounds of µ against known answers, margins against closed forms."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import control
+import numpy as np
+import pytest
+
+import workbench as wb
+from scripts.promises import mu, robust
+from workbench.cli.app import run
+from workbench.core.values.linear import Linear
+from workbench.errors import InputError
+from workbench.loops.mu.blocks import Block
+from workbench.loops.mu.peak import peak
+
+# 1/(s³ + 0.6 s² + s) in a loop with a gain k: stable below 0.6 (Routh), where the poles are ±j.
+ROUTH = """
+[components]
+plant = {block = "transfer_function", numerator = [1.0], denominator = [1.0, 0.6, 1.0, 0.0]}
+k = {gain = 0.4}
+error = {sum = "+-"}
+[connections]
+"error.u2" = "plant.y"
+"k.u" = "error.y"
+"plant.u" = "k.y"
+[inputs]
+r = "error.u1"
+[outputs]
+y = "plant.y"
+"""
+
+SATELLITE = """
+[components.plant]
+A = [[0.0, 10.0], [-10.0, 0.0]]
+B = [[1.0, 0.0], [0.0, 1.0]]
+C = [[1.0, 10.0], [-10.0, 1.0]]
+D = [[0.0, 0.0], [0.0, 0.0]]
+inputs = ["u1", "u2"]
+outputs = ["y1", "y2"]
+[connections]
+"plant.u1" = {from = "plant.y1", gain = -1.0}
+"plant.u2" = {from = "plant.y2", gain = -1.0}
+[outputs]
+y1 = "plant.y1"
+"""
+
+
+@pytest.fixture(scope="module")
+def routh(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("robust") / "routh.toml"
+    path.write_text(ROUTH, encoding="utf-8")
+    return path
+
+
+def test_bounds_of_mu_hold_the_truth_of_matrices_whose_mu_is_known() -> None:
+    assert mu.run(cases=5, seed=3) == 0
+
+
+def test_no_peak_hides_between_frequencies() -> None:
+    """Two resonances of a damping of 1e-5, 0.1 % apart: the peak is 1/(2 ζ √(1 - ζ²)), and no grid meets it."""
+    zeta = 1e-5
+    modes = [np.array([[0.0, w], [-w, -2.0 * zeta * w]]) for w in (3.0, 3.003)]
+    a = np.block([[modes[0], np.zeros((2, 2))], [np.zeros((2, 2)), modes[1]]])
+    b, c = np.zeros((4, 2)), np.zeros((2, 4))
+    b[1, 0], b[3, 1], c[0, 0], c[1, 2] = 3.0, 1.5 * 3.003, 1.0, 1.0
+    system = Linear(a, b, c, np.zeros((2, 2)))
+    truth = 1.5 / (2.0 * zeta * math.sqrt(1.0 - zeta**2))
+    for blocks in ([Block(size=2)], [Block(size=1), Block(size=1)]):
+        found = peak(system, blocks)
+        assert truth <= found.level <= 1.02 * truth
+        assert found.frequency_hz == pytest.approx(3.003 / (2.0 * math.pi), rel=1e-4)
+
+
+def test_a_real_number_is_borne_where_a_complex_one_is_not() -> None:
+    """s² + 2ζ s + 1 + δ: stable for every real δ > -1; a complex δ of the size 2ζ√(1 - ζ²) makes it unstable."""
+    zeta = 0.05
+    a = np.array([[0.0, 1.0], [-1.0, -2.0 * zeta]])
+    system = Linear(a, np.array([[0.0], [-1.0]]), np.array([[1.0, 0.0]]), np.zeros((1, 1)))
+    real, any_number = peak(system, [Block(size=1, real=True)]), peak(system, [Block(size=1)])
+    assert 1.0 <= real.level <= 1.02
+    truth = 1.0 / (2.0 * zeta * math.sqrt(1.0 - zeta**2))
+    assert truth <= any_number.level <= 1.02 * truth
+
+
+def test_a_sampled_peak_is_that_on_the_unit_circle() -> None:
+    one = np.ones((1, 1))
+    found = peak(Linear(-0.8 * one, one, one, 0.0 * one, dt=0.1), [Block(size=1)])
+    assert 5.0 <= found.level <= 5.1  # 1/|z - p| at z = -1
+    assert found.frequency_hz == pytest.approx(5.0)
+
+
+def test_the_margin_of_a_gain_is_that_of_routh_and_its_worst_set_is_unstable(routh: Path, tmp_path: Path) -> None:
+    out = tmp_path / "robust.json"
+    words = ["robust", str(routh), "--uncertain", "k.gain=0.1:0.7", "--json", str(out), "--in-process"]
+    assert run(words) == 1  # not stable for all
+    told = wb.RobustResult.from_dict(json.loads(out.read_text(encoding="utf-8"))).stability
+    truth = (0.6 - 0.4) / 0.3
+    assert 0.97 * truth <= told.lower <= truth <= told.upper <= 1.01 * truth
+    assert told.verdict == "unstable"
+    assert told.worst.unstable
+    assert told.worst.pole.real > 0.0
+    assert told.worst.frequency_hz == pytest.approx(1.0 / (2.0 * math.pi), rel=1e-2)
+    assert told.worst.parameters["k.gain"] == pytest.approx(0.6, rel=1e-2)
+
+
+def test_the_worst_disk_margin_is_that_of_the_loop_at_the_worst_gain(routh: Path) -> None:
+    with wb.load(routh) as system:
+        found = wb.robust(system, uncertain={"k.gain": (0.2, 0.4)}, open=["plant.y"], in_process=True)
+        margins = wb.loop(system, "plant.y").margins  # its own gain is 0.4
+    assert margins.disk is not None
+    (disk,) = found.disk_margins
+    assert found.stability.verdict == "stable"
+    assert 0.97 * margins.disk.alpha <= disk.alpha <= margins.disk.alpha
+    assert margins.disk.alpha <= disk.found <= 1.01 * margins.disk.alpha
+    assert disk.frequency_hz == pytest.approx(margins.disk.frequency_hz, rel=1e-2)
+
+
+def test_a_time_constant_acts_by_its_inverse_and_the_bounds_hold_that() -> None:
+    """1/(τ s + 1) is stable for every τ > 0, and its largest gain is 1 for all of them."""
+    with wb.load("fmu:FirstOrderLag") as lag:
+        found = wb.robust(lag, uncertain={"tau": (0.5, 1.5)}, inputs=["u"], outputs=["y"], in_process=True)
+    assert found.stability.verdict == "stable"
+    assert math.isinf(found.stability.upper)
+    assert found.worst_gain is not None
+    assert found.worst_gain.lower <= 1.0 + 1e-9
+    assert 1.0 <= found.worst_gain.upper <= 1.2
+    assert found.stability.worst.pole.real == pytest.approx(-1.0 / 1.5)
+
+
+def test_no_bound_is_optimistic_over_loops_whose_parameters_act_in_curves() -> None:
+    assert robust.run(cases=1, samples=400, seed=2) == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("--uncertain k.gian=0.1:0.7", "did you mean"),
+        ("--uncertain k.gain=0.7:0.1", "LO < HI"),
+        ("--uncertain k.gain=0.1:0.7 --input r", "--output: the worst-case gain needs inputs and outputs"),
+        ("--uncertain k.gain=0.5:0.9", "is not stable in the middle of the ranges"),
+        ("--uncertain k.gain=0.1:0.7 --open plant.z", "no connection leaves 'plant.z'"),
+    ],
+)
+def test_what_cannot_be_asked_is_told_in_a_line(
+    words: str, said: str, routh: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["robust", str(routh), *words.split(), "--in-process"]) == 2
+    line = capsys.readouterr().err
+    assert said in line
+    assert "Traceback" not in line
+
+
+def test_a_connection_is_opened_once(routh: Path) -> None:
+    with wb.load(routh) as system, pytest.raises(InputError, match="have a connection in common"):
+        wb.robust(system, uncertain={"k.gain": (0.2, 0.4)}, open=["plant.y", "error.u2"], in_process=True)
+
+
+def test_disk_margins_of_several_loops_are_those_of_python_control(tmp_path: Path) -> None:
+    """The spinning satellite of Zhou, Doyle & Glover, section 9.6: large margins one at a time, small ones of both."""
+    path = tmp_path / "satellite.toml"
+    path.write_text(SATELLITE, encoding="utf-8")
+    with wb.load(path) as system:
+        found = wb.loop(system, ["plant.y1", "plant.y2"])
+        everything = wb.loop(system, "all")
+    told = {d.where.partition(" ")[0]: d for d in found.disk_margins}
+    assert list(told) == ["plant.y1", "plant.y2", "all"]
+    one, both = told["plant.y1"], told["all"]
+    # One at a time L = 1/s: the largest |S - T| is 1, at all frequencies.
+    assert one.alpha == pytest.approx(2.0, rel=1e-4)
+    a = np.array([[0.0, 10.0], [-10.0, 0.0]])
+    plant = control.ss(a, np.eye(2), [[1.0, 10.0], [-10.0, 1.0]], 0.0)
+    at = 2.0 * math.pi * both.frequency_hz
+    alpha = control.disk_margins(plant, np.unique([*np.linspace(0.5, 1.5, 41) * max(at, 0.1), at]), skew=0.0)[0]
+    assert both.alpha == pytest.approx(alpha, rel=1e-3)
+    assert both.alpha < 0.3
+    assert both.gain_db == pytest.approx(20.0 * math.log10((2.0 + alpha) / (2.0 - alpha)), rel=1e-2)
+    assert everything.disk_margins[-1].alpha == pytest.approx(both.alpha, rel=1e-3)
+    assert found.others[0].place.source == "plant.y2"

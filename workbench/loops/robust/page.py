@@ -1,0 +1,116 @@
+"""The page of a robustness analysis."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from workbench.loops.robust.result import RobustResult, WorstDisk
+from workbench.show.page import Page, PageTable, Section
+from workbench.show.tables import behind, bracketed, counted, number
+from workbench.show.verdicts import Verdict
+
+__all__ = ["robust_page"]
+
+
+def robust_page(result: RobustResult) -> Page:
+    """Return the page: verdict and margin, worst parameter set, worst-case gain and disk margin, µ over frequency."""
+    return Page(
+        title=f"Robustness of {result.model}",
+        lead=_lead(result),
+        facts={
+            "parameters": counted(len(result.parameters), "uncertain parameter"),
+            "stability margin": _between(result.stability.lower, result.stability.upper, result.stability.up_to),
+            "operating point": "trimmed at each parameter set" if result.trimmed else "held",
+            "linear models": str(result.neglected.models),
+            "neglected": f"{100.0 * result.neglected.relative:.2g} % of what the parameters do; in the bounds",
+        },
+        sections=[_parameters(result), _worst(result), *_gain(result), _mu(result)],
+        summary=_verdicts(result),
+        notes=result.notes,
+        kind="robust",
+    )
+
+
+def _lead(result: RobustResult) -> str:
+    s = result.stability
+    if s.verdict == "stable":
+        parts = f", proved in {s.boxes} parts" if s.boxes > 1 else ""
+        return f"Stable for all parameters in their ranges{parts}."
+    if s.verdict == "unstable":
+        return "Unstable for some parameters in their ranges."
+    return "Whether it is stable for all parameters in their ranges is not decided: the bounds leave a gap."
+
+
+def _between(lower: float, upper: float, up_to: float) -> str:
+    """Say up to which multiple of the ranges the model is stable."""
+    if math.isinf(upper):
+        return f"stable up to {lower:.3g} times the ranges; no unstable set was found up to {up_to:.3g} times"
+    return f"stable up to {lower:.3g} times the ranges, unstable from {upper:.3g} times on"
+
+
+def _verdicts(result: RobustResult) -> list[Verdict]:
+    s = result.stability
+    gap = f" (gap {100.0 * (1.0 - s.lower / s.upper):.2g} %)" if math.isfinite(s.upper) and s.upper > 0.0 else ""
+    verdicts = [Verdict(s.verdict, _between(s.lower, s.upper, s.up_to) + gap)]
+    gain = result.worst_gain
+    if gain is not None and not result.disk_margins:
+        word = "good" if math.isfinite(gain.upper) else "unknown"
+        verdicts.append(Verdict(word, f"worst-case gain {_bounds(gain.lower, gain.upper)}, nominal {gain.nominal:.4g}"))
+    verdicts += [Verdict("good" if d.alpha > 0.0 else "unknown", f"{d.where}: {_disk(d)}") for d in result.disk_margins]
+    return verdicts
+
+
+def _bounds(lower: float, upper: float) -> str:
+    return f"between {lower:.4g} and {upper:.4g}" if math.isfinite(upper) else f"at least {lower:.4g}, not bounded"
+
+
+def _disk(d: WorstDisk) -> str:
+    if not d.alpha > 0.0:
+        return f"no disk margin is proved; found {d.found:.3g}, nominal {d.nominal:.3g}"
+    gain = f"±{d.gain_db:.3g} dB" if math.isfinite(d.gain_db) else "any gain"
+    return f"{gain} or ±{d.phase_deg:.3g}° are left in the worst case (disk {d.alpha:.3g}, nominal {d.nominal:.3g})"
+
+
+def _parameters(result: RobustResult) -> Section:
+    worst = result.stability.worst
+    rows = [
+        (p.name, f"{p.low:.6g}", f"{p.high:.6g}", p.unit or "", str(rank), f"{worst.parameters[p.name]:.6g}")
+        for p, rank in zip(result.parameters, result.neglected.ranks, strict=True)
+    ]
+    table = PageTable(("parameter", "low", "high", "unit", "rank", "worst found"), rows)
+    return Section("Parameters", tables=[table])
+
+
+def _worst(result: RobustResult) -> Section:
+    worst = result.stability.worst
+    what = "Unstable" if worst.unstable else "Slowest pole in the ranges"
+    unit = "" if result.dt > 0.0 else " 1/s"
+    values = ", ".join(
+        f"{p.name} = {worst.parameters[p.name]:.6g}{behind(p.unit)}" for p in result.parameters
+    )  # fmt: skip
+    pole = f"{worst.pole.real:.5g}{f' ± {worst.pole.imag:.5g}j' if worst.pole.imag else ''}{unit}"
+    words = f"{what}: {values}; pole {pole}, {number(worst.frequency_hz)} Hz. The model was linearised there."
+    return Section("Worst case of stability", paragraphs=[words], code=[result.command] if result.command else [])
+
+
+def _gain(result: RobustResult) -> Sequence[Section]:
+    gain = result.worst_gain
+    if gain is None:
+        return []
+    rows = [
+        ("nominal", f"{gain.nominal:.5g}"),
+        ("worst found", f"{gain.lower:.5g}"),
+        ("proved bound", f"{gain.upper:.5g}" if math.isfinite(gain.upper) else "none"),
+        ("at [Hz]", number(gain.frequency_hz)),
+        *((bracketed(p.name, p.unit), f"{gain.parameters[p.name]:.6g}") for p in result.parameters),
+    ]
+    title = "Worst case of S - T" if result.disk_margins else "Worst-case gain"
+    return [Section(title, tables=[PageTable(("", "value"), rows, right=(1,))])]
+
+
+def _mu(result: RobustResult) -> Section:
+    caption = (
+        "Bounds of µ over frequency: below 1 all parameters in their ranges are borne; and the poles, or the gain."
+    )
+    return Section("µ over frequency", figures=[(result.plot, caption)] if result.mu else [])

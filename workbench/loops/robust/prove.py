@@ -1,0 +1,126 @@
+"""Proofs: up to which size of the ranges a model is stable, and whether it is in parts of them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from workbench.errors import SimulationError
+from workbench.loops.mu.peak import peak
+from workbench.loops.robust.family import Family, Place
+from workbench.loops.robust.uncertain import Box, UncertainModel, uncertain_model
+from workbench.loops.robust.worst import is_stable, is_unstable
+
+__all__ = ["Margin", "Parts", "divided", "needed", "proved_margin"]
+
+_ROUNDS = 5  # sizes that are tried
+_CLOSE = 0.03  # relative: how near the margin is to the largest one that the bounds prove
+_BELOW = 0.995  # the next size beside the one that a bound suggests
+
+
+@dataclass(frozen=True, eq=False)
+class Margin:
+    """What is proved of boxes around the middle.
+
+    Attributes:
+        size: of the largest one that is proved; 0: none is.
+        most: largest size at which there are linear models, as far as was looked.
+        models: size → uncertain model over that box.
+        notes: one line each.
+    """
+
+    size: float
+    most: float
+    models: dict[float, UncertainModel]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """What is proved of the ranges as they are given.
+
+    Attributes:
+        proved: uncertain models over parts whose union they are; empty: it is not proved.
+        unstable: deviations at which the model is unstable; None: none were met.
+    """
+
+    proved: tuple[UncertainModel, ...]
+    unstable: Place | None = None
+
+
+def needed(model: UncertainModel) -> float:
+    """Return the level that the stability over a box needs: 1 or less proves it; infinite: the middle is not stable."""
+    system, blocks = model.stability()
+    if not is_stable(replace(system, B=system.B[:, :0], C=system.C[:0], D=np.zeros((0, 0)))):
+        return math.inf
+    return peak(system, blocks).level
+
+
+def proved_margin(family: Family, most: float) -> Margin:
+    """Return the largest box around the middle that is proved to be stable.
+
+    The level that a box needs tells the size of the next one: what grows with it exactly only where the matrices are
+    linear in the parameters, so that each box is proved with models of its own.
+
+    Args:
+        family: of linear models.
+        most: largest size.
+    """
+    count = len(family.parameters)
+    models: dict[float, UncertainModel] = {}
+    notes: list[str] = []
+    size, best, limit, refused = 1.0, 0.0, most, math.inf
+    for _ in range(_ROUNDS):
+        try:
+            model = uncertain_model(family, Box.of_size(count, size))
+        except SimulationError as error:
+            if size <= 1.0:
+                raise
+            notes.append(f"ranges {size:.3g} times as wide are not looked at: {error}")
+            limit = refused = size
+            size = math.sqrt(size * max(best, 1.0))
+            continue
+        models[size] = model
+        level = needed(model)
+        if level <= 1.0:
+            best = max(best, size)
+        else:
+            refused = min(refused, size)
+        if best >= limit:
+            break
+        # What the level suggests, unless that is known already: then between what is proved and what is not.
+        following = min(limit, size / level * _BELOW if level > 0.0 else limit)
+        if not best * (1.0 + _CLOSE) < following < refused:
+            following = math.sqrt(best * refused) if best > 0.0 else 0.5 * size
+        if refused <= best * (1.0 + _CLOSE) or (best > 0.0 and following <= best * (1.0 + _CLOSE)):
+            break
+        size = following
+    return Margin(best, limit, models, tuple(notes))
+
+
+def divided(family: Family, whole: UncertainModel, boxes: int) -> Parts:
+    """Prove the stability over the ranges in parts: what is not proved is halved, along what acts most.
+
+    Args:
+        family: of linear models.
+        whole: over the ranges.
+        boxes: parts at most.
+    """
+    todo, proved = [whole], list[UncertainModel]()
+    while todo:
+        model = todo.pop()
+        (middle,) = family.at([model.box.centre])
+        if middle is not None and is_unstable(middle):
+            return Parts((), model.box.centre)
+        if needed(model) <= 1.0:
+            proved.append(model)
+            continue
+        if len(proved) + len(todo) + 2 > boxes:
+            return Parts(())
+        acts = [
+            float(np.linalg.norm(s) + 2.0 * np.linalg.norm(q)) for s, q in zip(model.slopes, model.curves, strict=True)
+        ]
+        todo += [uncertain_model(family, half) for half in model.box.halves(int(np.argmax(acts)))]
+    return Parts(tuple(proved))

@@ -1,0 +1,274 @@
+"""Tell what holds for all parameters in their ranges."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from workbench.core.machine.blas import one_thread
+from workbench.core.records.forms import several
+from workbench.core.values.arrays import Floats
+from workbench.core.values.decibels import decibels
+from workbench.core.values.linear import Linear
+from workbench.core.values.margins import disk_of
+from workbench.errors import InputError
+from workbench.jobs.job import Job
+from workbench.loops.loop.cut import INJECTED, PASSED, RETURNED, injected_at
+from workbench.loops.mu.lower import lower_bound
+from workbench.loops.mu.peak import continued, level_at, response_at
+from workbench.loops.robust.family import Family, UncertainParameter
+from workbench.loops.robust.gain import worst_gain
+from workbench.loops.robust.prove import Margin, Parts, divided, proved_margin
+from workbench.loops.robust.request import Robust
+from workbench.loops.robust.result import (
+    MuPoint,
+    Neglected,
+    RobustMargin,
+    RobustResult,
+    WorstDisk,
+    WorstGain,
+    WorstPlace,
+)
+from workbench.loops.robust.uncertain import UncertainModel
+from workbench.loops.robust.worst import destabilising, is_stable, promising, slowest, worst_place
+from workbench.model import Model
+from workbench.model.described_model import DescribedModel
+from workbench.model.operating_point import find_point
+from workbench.point.lin.request import Lin
+from workbench.point.lin.result import LinResult
+from workbench.point.lin.sweep import check_varied
+from workbench.point.lin.task import point_in_full
+from workbench.requests.model_facts import facts_of
+
+__all__ = ["run"]
+
+_CURVE = 20  # frequencies of the bounds of µ
+
+
+@dataclass(frozen=True, eq=False)
+class _Opened:
+    """What is linearised, and how its gain is measured.
+
+    Attributes:
+        model: with the loops that are opened.
+        where: the places, in words.
+        inputs, outputs: of the linear model.
+        performance: sizes of the blocks that the gain is measured with.
+        notes: one line each.
+    """
+
+    model: DescribedModel
+    where: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    performance: tuple[int, ...]
+    notes: tuple[str, ...]
+
+    def changed(self, linear: LinResult) -> Linear:
+        """Return S - T of the loops that are opened, z + y by what is injected; without such the model as it is."""
+        k = len(self.where)
+        if not k:
+            return linear
+        c, d = linear.C[:k] + linear.C[k:], linear.D[:k] + linear.D[k:]
+        return Linear(linear.A, linear.B, c, d, dt=linear.dt)
+
+
+def run(model: Model, request: Robust, job: Job) -> RobustResult:
+    """Tell what holds for all parameters in their ranges; see `Robust`."""
+    if not isinstance(model, DescribedModel):
+        raise InputError(f"robust: {model.name} is not a file; its parameters cannot be varied")
+    if model.interface != "me" or request.method == "response":
+        why = "method response identifies" if model.interface == "me" else "co-simulation shows"
+        raise InputError(f"robust: {model.name}: {why} no states of which stability could be proved; {model.way_out()}")
+    check_varied(model, {name: several(ends) for name, ends in request.uncertain.items()}, what="uncertain")
+    units = {v.name: v.unit for v in (*model.description.variables, *model.states)}
+    parameters = [
+        UncertainParameter(name=name, low=low, high=high, unit=units.get(name))
+        for name, (low, high) in request.uncertain.items()
+    ]
+    with _opened(model, request) as opened:
+        begin, remarks = point_in_full(opened.model, replace(request, at=None))
+        common = Lin(**begin, method=request.method, inputs=opened.inputs, outputs=opened.outputs)
+        family = Family(
+            opened.model, parameters, common, request.place.apart, job, trimmed=not request.hold,
+            changed=opened.changed,
+        )  # fmt: skip
+        with one_thread():
+            return _analysed(model, request, opened, family, remarks)
+
+
+def _analysed(
+    model: DescribedModel, request: Robust, opened: _Opened, family: Family, remarks: Sequence[str]
+) -> RobustResult:
+    (middle,) = family.at([(0.0,) * len(family.parameters)])
+    if middle is None or not is_stable(middle):
+        words = worst_place(family, (0.0,) * len(family.parameters)).pole
+        raise InputError(
+            f"robust: {model.name} is not stable in the middle of the ranges (pole {words:.4g}); choose ranges around "
+            "a stable point, or hold what drifts, as by a loop around it"
+        )
+    margin = proved_margin(family, _most(request, family.parameters, model))
+    stability, parts, whole = _stability(family, margin, request)
+    gain = None
+    if opened.performance:
+        gain = worst_gain(family, whole, parts.proved, opened.performance, request.band)
+    notes = (*opened.notes, *remarks, *margin.notes, *_told(family, whole))
+    return RobustResult(
+        model=model.name,
+        interface=model.interface,
+        parameters=family.parameters,
+        stability=stability,
+        mu=_curve(whole, stability),
+        worst_gain=gain,
+        disk_margins=_disks(opened, gain),
+        neglected=Neglected(relative=whole.neglected, models=family.count, accuracy=family.accuracy, ranks=whole.ranks),
+        nominal_poles=middle.poles,
+        dt=middle.dt,
+        trimmed=not request.hold,
+        command=_command(model, stability.worst),
+        notes=tuple(dict.fromkeys(notes)),
+        operating_point=family.centre.operating_point,
+    )
+
+
+@contextmanager
+def _opened(model: DescribedModel, request: Robust) -> Iterator[_Opened]:
+    """Give the model that is linearised."""
+    point, remarks = find_point(model, request.at)
+    if not request.open:
+        started = model if point is None or request.at is None else model.starting_at(point, remarks)
+        inputs, outputs = tuple(request.inputs or ()), tuple(request.outputs or ())
+        performance = (max(len(inputs), len(outputs)),) if inputs else ()
+        yield _Opened(started, (), inputs, outputs, performance, remarks)
+        return
+    with injected_at(model, request.open, point=point) as (opened, places, notes):
+        numbers = range(1, len(places) + 1)
+        yield _Opened(
+            opened, tuple(p.label for p in places), tuple(f"{INJECTED}.{k}" for k in numbers),
+            tuple(f"{name}.{k}" for name in (RETURNED, PASSED) for k in numbers), (1,) * len(places),
+            (*remarks, *notes),
+        )  # fmt: skip
+
+
+def _most(request: Robust, parameters: Sequence[UncertainParameter], model: DescribedModel) -> float:
+    """Return the largest multiple of the ranges: none in which a parameter changes its sign or leaves its limits."""
+    limits = {v.name: (v.minimum, v.maximum) for v in model.description.variables}
+    result = max(request.up_to, 1.0)
+    for p in parameters:
+        middle, half = p.value(0.0), 0.5 * (p.high - p.low)
+        if p.low > 0.0 or p.high < 0.0:
+            result = min(result, max(1.0, 0.98 * abs(middle) / half))
+        low, high = limits.get(p.name, (None, None))
+        for end, sign in ((low, -1.0), (high, 1.0)):
+            if end is not None and sign * (end - middle) > 0.0:
+                result = min(result, max(1.0, sign * (end - middle) / half))
+    return result
+
+
+def _stability(family: Family, margin: Margin, request: Robust) -> tuple[RobustMargin, Parts, UncertainModel]:
+    """Return the margin, what is proved of the ranges, and the uncertain model over them."""
+    whole = margin.models[1.0]
+    most = max(margin.models)
+    widest, n = margin.models[most], whole.states
+
+    def badness(matrix: Floats) -> float:
+        return slowest(matrix, n, whole.dt)
+
+    inside, beyond = promising(whole, badness), promising(widest, badness)
+    lower, parts = margin.size, Parts((whole,)) if margin.size >= 1.0 else Parts(())
+    found = destabilising(family, [*inside, *beyond], lower, margin.most)
+    size = math.inf if found is None else max(map(abs, found))
+    count = 1
+    if lower < 1.0 < size:
+        parts = divided(family, whole, request.boxes)
+        if parts.proved:
+            lower, count = 1.0, len(parts.proved)
+        elif parts.unstable is not None:
+            found, size = parts.unstable, max(map(abs, parts.unstable))
+    if found is None:
+        places = [whole.box.place(share.tolist()) for share in inside]
+        known = [p for p, linear in zip(places, family.at(places), strict=True) if linear is not None]
+        every = [worst_place(family, p) for p in (*known, (0.0,) * len(family.parameters))]
+        worst = max(every, key=lambda w: _growth(w, whole.dt))
+    else:
+        worst = worst_place(family, found)
+    up_to = margin.most
+    return RobustMargin(lower=lower, upper=size, up_to=up_to, boxes=count, worst=worst), parts, whole
+
+
+def _growth(place: WorstPlace, dt: float) -> float:
+    return abs(place.pole) if dt > 0.0 else place.pole.real
+
+
+def _curve(whole: UncertainModel, stability: RobustMargin) -> tuple[MuPoint, ...]:
+    """Return bounds of µ over frequency, and at the worst parameter set what it proves."""
+    system, blocks = whole.stability()
+    if not blocks:
+        return ()
+    twin, peak_level = continued(system), 1.0 / max(stability.lower, 0.1)
+    natural = np.abs(system.continuous_poles) / (2.0 * math.pi)
+    natural = natural[np.isfinite(natural) & (natural > 1e-9 * natural.max(initial=0.0))]
+    low, high = (natural.min() / 10.0, natural.max() * 10.0) if len(natural) else (0.1, 10.0)
+    high = min(high, system.highest_hz * (1.0 - 1e-6))
+    worst = stability.worst
+    shown = np.unique([*np.geomspace(max(low, 1e-6 * high), high, _CURVE), *natural[natural < high]])
+    slopes = [k for k, b in enumerate(blocks) if b.varies]
+    width = sum(blocks[k].size for k in slopes)
+    result = []
+    for f in shown.tolist():
+        omega = 2.0 * math.pi * f if system.dt == 0.0 else math.tan(math.pi * f * system.dt)
+        matrix = response_at(twin, omega)
+        upper = level_at(matrix, blocks, start=peak_level, rounds=1, full=False)
+        lower = lower_bound(matrix[:width, :width], [blocks[k] for k in slopes]).bound
+        result.append(MuPoint(frequency_hz=f, lower=min(lower, upper), upper=upper))
+    if worst.unstable and worst.size > 0.0:
+        matrix = response_at(twin, 2.0 * math.pi * worst.frequency_hz if system.dt == 0.0
+                             else math.tan(math.pi * worst.frequency_hz * system.dt))  # fmt: skip
+        upper = max(level_at(matrix, blocks), 1.0 / worst.size)
+        result.append(MuPoint(frequency_hz=worst.frequency_hz, lower=1.0 / worst.size, upper=upper))
+    return tuple(sorted(result, key=lambda p: p.frequency_hz))
+
+
+def _disks(opened: _Opened, gain: WorstGain | None) -> tuple[WorstDisk, ...]:
+    """Return the disk margins that are left: 2 over the gain of S - T."""
+    if gain is None or not opened.where:
+        return ()
+    sure = disk_of(gain.upper, gain.frequency_hz) if math.isfinite(gain.upper) else disk_of(math.inf, math.nan)
+    return (
+        WorstDisk(
+            where="; ".join(opened.where),
+            alpha=sure.alpha,
+            found=disk_of(gain.lower, gain.frequency_hz).alpha,
+            nominal=disk_of(gain.nominal, gain.frequency_hz).alpha,
+            gain_db=float(decibels(sure.high)) if math.isfinite(sure.high) else math.inf,
+            phase_deg=sure.phase_deg,
+            frequency_hz=gain.frequency_hz,
+        ),
+    )
+
+
+def _told(family: Family, whole: UncertainModel) -> list[str]:
+    centre = family.centre
+    notes = list(centre.notes)
+    if centre.delayed is not None:
+        notes.append("transport delays are Padé approximations here: what is proved, is proved of these")
+    if whole.neglected > 0.3:
+        notes.append(
+            f"{whole.neglected:.0%} of what the parameters do over their ranges is neither straight nor square: the "
+            "bounds are wide for that; narrower ranges, or more parts, make them narrower"
+        )
+    return notes
+
+
+def _command(model: DescribedModel, worst: WorstPlace) -> str:
+    """Return the line that linearises the model at the worst parameter set."""
+    source = facts_of(model).source
+    inputs, states = {v.name for v in model.inputs}, {v.name for v in model.states}
+    flags = {name: "--u0" if name in inputs else "--x0" if name in states else "--set" for name in worst.parameters}
+    sets = [word for name, value in worst.parameters.items() for word in (flags[name], f"{name}={value!r}")]
+    return shlex.join(["workbench", "lin", str(source), *sets]) if source else ""

@@ -1,0 +1,261 @@
+"""An uncertain model: how the matrices depend on the parameters over a box, with all that is neglected in a block."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from workbench.core.values.arrays import Floats
+from workbench.core.values.linear import Linear
+from workbench.core.values.matrices import balance
+from workbench.errors import SimulationError
+from workbench.loops.mu.blocks import Block
+from workbench.loops.robust.family import Family, Place, stacked
+
+__all__ = ["Box", "UncertainModel", "uncertain_model"]
+
+_CORNERS = 5  # of so many parameters all corners of the box are looked at, of more as many at random
+_RANK = 1e-4  # relative: smaller singular values of what a parameter does are neglected, and counted as such
+_CURVED = 0.02  # relative: what a parameter does in the square is a block of its own from there on
+
+
+@dataclass(frozen=True)
+class Box:
+    """Ranges of the deviations.
+
+    Attributes:
+        centre: shape (p,).
+        half: half the width of each range, shape (p,).
+    """
+
+    centre: Place
+    half: Place
+
+    @classmethod
+    def of_size(cls, count: int, size: float) -> Box:
+        """Return the box around the middle of all ranges, `size` times as wide as these."""
+        return cls((0.0,) * count, (size,) * count)
+
+    def place(self, share: Sequence[float]) -> Place:
+        """Return the deviations at shares of the half widths, each from -1 to 1."""
+        return tuple(c + h * s for c, h, s in zip(self.centre, self.half, share, strict=True))
+
+    def halves(self, number: int) -> tuple[Box, Box]:
+        """Return both halves along one parameter."""
+        quarter = 0.5 * self.half[number]
+        half = (*self.half[:number], quarter, *self.half[number + 1 :])
+        low, high = (
+            (*self.centre[:number], self.centre[number] + s * quarter, *self.centre[number + 1 :]) for s in (-1.0, 1.0)
+        )
+        return Box(low, half), Box(high, half)
+
+
+@dataclass(frozen=True, eq=False)
+class UncertainModel:
+    """N(δ) = N₀ + Σ δᵢ Sᵢ + Σ (δᵢ² - ½) Qᵢ + L Δ R over a box, with N = [A B; C D], |δᵢ| ≤ 1, ‖Δ‖ ≤ 1.
+
+    Attributes:
+        box: in which it holds.
+        middle: N₀.
+        slopes: Sᵢ of each parameter, of low rank.
+        curves: Qᵢ likewise; 0 where they are not worth a block.
+        left, right: L and R, which with any Δ hold all that was found besides.
+        neglected: size of that, relative to what the parameters do.
+        states: number of states.
+        dt: period [s].
+    """
+
+    box: Box
+    middle: Floats
+    slopes: tuple[Floats, ...]
+    curves: tuple[Floats, ...]
+    left: Floats
+    right: Floats
+    neglected: float
+    states: int
+    dt: float
+
+    def matrix(self, share: Floats) -> Floats:
+        """Return N without the neglected rest, at shares of the half widths."""
+        result = self.middle.copy()
+        for x, s, q in zip(share, self.slopes, self.curves, strict=True):
+            result += x * s + (x * x - 0.5) * q
+        return np.asarray(result)
+
+    @property
+    def centre(self) -> Linear:
+        """The model without uncertainty."""
+        return _taken_apart(self.middle, self.states, self.dt)
+
+    @cached_property
+    def ranks(self) -> tuple[int, ...]:
+        """How often each parameter stands on the diagonal."""
+        return tuple(len(_factors(s)[1]) for s in self.slopes)
+
+    @cached_property
+    def _channels(self) -> tuple[Floats, Floats, tuple[Block, ...]]:
+        lefts, rights, blocks = [], [], []
+        for factor, varies, matrices in ((1.0, True, self.slopes), (0.5, False, self.curves)):
+            for matrix in matrices:
+                left, right = _factors(factor * matrix)
+                if len(right):
+                    lefts.append(left)
+                    rights.append(right)
+                    blocks.append(Block(size=len(right), real=True, varies=varies))
+        if self.left.shape[1]:
+            lefts.append(self.left)
+            rights.append(self.right)
+            blocks.append(Block(size=self.left.shape[1], varies=False))
+        rows, columns = self.middle.shape
+        empty = np.zeros((rows, 0)), np.zeros((0, columns))
+        return np.hstack([empty[0], *lefts]), np.vstack([empty[1], *rights]), tuple(blocks)
+
+    def stability(self) -> tuple[Linear, tuple[Block, ...]]:
+        """Return what the perturbation is in a loop with, and its structure; the model's inputs and outputs are not."""
+        left, right, blocks = self._channels
+        n = self.states
+        size = right.shape[0]
+        system = Linear(self.middle[:n, :n], left[:n], right[:, :n], np.zeros((size, size)), dt=self.dt)
+        return system, blocks
+
+    def with_performance(self, performance: Sequence[int]) -> tuple[Linear, tuple[Block, ...]]:
+        """Return the same with the model's inputs and outputs behind, as complex blocks whose size is sought.
+
+        Inputs or outputs that are fewer are filled up by those that do nothing.
+
+        Args:
+            performance: sizes of the blocks.
+        """
+        left, right, blocks = self._channels
+        n, size = self.states, right.shape[0]
+        outputs, inputs = self.middle.shape[0] - n, self.middle.shape[1] - n
+        most = sum(performance)
+        widened = np.zeros((n + most, n + most))
+        widened[: n + outputs, : n + inputs] = self.middle
+        more_left, more_right = np.zeros((n + most, size)), np.zeros((size, n + most))
+        more_left[: n + outputs], more_right[:, : n + inputs] = left, right
+        b = np.hstack([more_left[:n], widened[:n, n:]])
+        c = np.vstack([more_right[:, :n], widened[n:, :n]])
+        d = np.block([[np.zeros((size, size)), more_right[:, n:]], [more_left[n:], widened[n:, n:]]])
+        fixed = tuple(Block(size=x.size, real=x.real, varies=False) for x in blocks)
+        return Linear(widened[:n, :n], b, c, d, dt=self.dt), (*fixed, *(Block(size=k) for k in performance))
+
+
+def uncertain_model(family: Family, box: Box, *, seed: int = 0) -> UncertainModel:
+    """Return how the matrices depend on the parameters over a box.
+
+    Slope and curvature of each parameter are those between the ends of its range and the middle. What they leave at
+    the corners and at points between, on which nothing was fitted, is held by the block of the rest: the smallest found
+    that has all of it, and larger in the ratio by which the points between surpass the others.
+
+    Args:
+        family: of the linear models.
+        box: in deviations.
+        seed: of the points between.
+
+    Raises:
+        SimulationError: at one of the points there is no linear model.
+    """
+    count = len(box.half)
+    unit = np.eye(count)
+    design = [np.zeros(count), *unit, *-unit, *0.5 * unit, *-0.5 * unit, *_corners(count, seed)]
+    between = list(np.random.default_rng(seed).uniform(-1.0, 1.0, (min(2 * count, 8), count)))
+    models = family.at([box.place(share) for share in (*design, *between)])
+    if any(m is None for m in models):
+        place = next(box.place(s) for s, m in zip((*design, *between), models, strict=True) if m is None)
+        where = ", ".join(f"{name} = {value:g}" for name, value in family.values(place).items())
+        raise SimulationError(f"robust: there is no linear model at {where}: {family.failed[place]}")
+    linear = [m for m in models if m is not None]
+    scale = balance(linear[0].A)[1]
+    every = [stacked(m, scale) for m in linear]
+    size = float(np.abs(every[0]).max(initial=0.0))
+    least = 10.0 * family.accuracy * size
+    middle = every[0]
+    ends = [(every[1 + i], every[1 + count + i]) for i in range(count)]
+    slopes = tuple(_low_rank(0.5 * (up - down), least) for up, down in ends)
+    bent = [0.5 * (up + down) - middle for up, down in ends]
+    curves = tuple(
+        _low_rank(q, least) if _norm(q) > max(_CURVED * _norm(s), least) else np.zeros_like(q)
+        for q, s in zip(bent, slopes, strict=True)
+    )
+    shifted = middle + 0.5 * sum(curves, np.zeros_like(middle))
+    plain = UncertainModel(
+        box, shifted, slopes, curves, np.zeros((len(middle), 0)), np.zeros((0, middle.shape[1])), 0.0,
+        len(linear[0].A), linear[0].dt,
+    )  # fmt: skip
+    rest = [n - plain.matrix(share) for n, share in zip(every, (*design, *between), strict=True)]
+    left, right, norm = _held(rest, len(design), 1e-12 * size)
+    moved = max(float(np.linalg.norm(n - middle, 2)) for n in every)
+    neglected = norm / moved if moved > 0.0 else 0.0
+    return UncertainModel(
+        box, shifted, slopes, curves, left, right, neglected, plain.states, plain.dt
+    )  # fmt: skip
+
+
+def _corners(count: int, seed: int) -> list[Floats]:
+    """Return corners of the box, or some at random where there are many."""
+    if count <= _CORNERS:
+        return [np.array(signs) for signs in itertools.product((-1.0, 1.0), repeat=count)]
+    return list(np.random.default_rng(seed).choice([-1.0, 1.0], (2**_CORNERS, count)))
+
+
+def _held(rest: Sequence[Floats], design: int, least: float) -> tuple[Floats, Floats, float]:
+    """Return L and R with which L Δ R, ‖Δ‖ ≤ 1, has every rest, and the largest norm of a rest.
+
+    The weights are the roots of the roots of Σ R Rᵀ and Σ Rᵀ R: of a single rest the singular values.
+
+    Args:
+        rest: of every point.
+        design: so many of them come first, on which the model was fitted.
+        least: what is smaller is 0.
+    """
+    norms = np.array([np.linalg.norm(r, 2) for r in rest])
+    largest = float(norms.max(initial=0.0))
+    if not largest > least:
+        return np.zeros((len(rest[0]), 0)), np.zeros((0, rest[0].shape[1])), 0.0
+    left, into = _root(sum((r @ r.T for r in rest), np.zeros((len(rest[0]),) * 2)), least)
+    right, out = _root(sum((r.T @ r for r in rest), np.zeros((rest[0].shape[1],) * 2)), least)
+    sizes = np.array([np.linalg.norm(into @ r @ out.T, 2) for r in rest])
+    fitted, checked = float(sizes[:design].max(initial=0.0)), float(sizes[design:].max(initial=0.0))
+    grown = max(fitted, checked) * (max(checked / fitted, 1.0) if fitted > 0.0 else 1.0)
+    # What the roots leave out, below `least`, is as good as rounding.
+    order = max(left.shape[1], right.shape[1])
+    wide = np.zeros((len(left), order)), np.zeros((order, len(right)))
+    wide[0][:, : left.shape[1]] = left * np.sqrt(grown)
+    wide[1][: right.shape[1]] = right.T * np.sqrt(grown)
+    return wide[0], wide[1], largest
+
+
+def _root(square: Floats, least: float) -> tuple[Floats, Floats]:
+    """Return the fourth root of a positive matrix, as a factor with fewest columns, and its inverse from the left."""
+    values, vectors = np.linalg.eigh(square)
+    some = values > max(least**2, 1e-20 * float(values[-1]))
+    root = values[some] ** 0.25
+    return vectors[:, some] * root, (vectors[:, some] / root).T
+
+
+def _norm(matrix: Floats) -> float:
+    return float(np.linalg.norm(matrix))
+
+
+def _low_rank(matrix: Floats, least: float) -> Floats:
+    """Return the matrix without singular values that are small, or smaller than the error of the entries."""
+    u, s, v = np.linalg.svd(matrix, full_matrices=False)
+    kept = s > max(_RANK * float(s[0] if len(s) else 0.0), least)
+    return np.asarray((u[:, kept] * s[kept]) @ v[kept])
+
+
+def _factors(matrix: Floats) -> tuple[Floats, Floats]:
+    """Return L and R with L R the matrix, with as many columns and rows as its rank."""
+    u, s, v = np.linalg.svd(matrix, full_matrices=False)
+    kept = s > 1e-10 * float(s[0] if len(s) else 0.0)
+    root = np.sqrt(s[kept])
+    return u[:, kept] * root, v[kept] * root[:, None]
+
+
+def _taken_apart(matrix: Floats, n: int, dt: float) -> Linear:
+    return Linear(matrix[:n, :n], matrix[:n, n:], matrix[n:, :n], matrix[n:, n:], dt=dt)
