@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -32,7 +32,7 @@ from workbench.point.lin.result import LinResult
 from workbench.point.lin.task import make_task, point_in_full
 from workbench.point.trim.request import trim
 
-__all__ = ["along", "linearise_one", "over"]
+__all__ = ["along", "check_varied", "linearise_one", "over", "points_at", "points_over"]
 
 # To be raised whenever a change of the code changes a result: stored results of both are not mixed.
 _ALGORITHM = 1
@@ -86,20 +86,54 @@ def points_over(
         InputError, FmuError: see `LinOver`.
     """
     grid = {name: several(values) for name, values in request.over.items()}
-    _check(model, grid)
+    check_varied(model, grid, what="over")
+    every = [dict(zip(grid, values, strict=True)) for values in itertools.product(*grid.values())]
     common = recast(Lin, request, at=None, progress=None, workers=None, **point_in_full(model, request)[0])
-    every = (dict(zip(grid, values, strict=True)) for values in itertools.product(*grid.values()))
+    yield from points_at(
+        model, every, common, workers, job, explained=explained, trimmed=trimmed, store=request.store
+    )  # fmt: skip
+
+
+def points_at(
+    model: Model, every: Iterable[dict[str, float]], common: Lin, workers: Workers, job: Job, *, explained: bool = True,
+    trimmed: bool = False, store: str | Path | None = None,
+) -> Iterator[LinPoint]:  # fmt: skip
+    """Linearise at points that are given one by one; yield the models as they are finished.
+
+    Args:
+        model: stays open.
+        every: parameters, inputs or states → value at each point.
+        common: what all have in common.
+        workers: where.
+        job: can end it.
+        explained: see `LinTask`.
+        trimmed: see `points_over`.
+        store: folder in which finished models are kept; None: they are not.
+
+    Raises:
+        InputError, FmuError: see `LinOver`.
+    """
     todo = [_job(model, varied, common, explained=explained, trimmed=trimmed) for varied in every]
-    with _open_store(request.store, model, common) as kept:
+    with _open_store(store, model, common) as kept:
         yield from _all(model, todo, workers, kept, job)
 
 
-def _check(model: Model, grid: Mapping[str, tuple[float, ...]]) -> None:
+def check_varied(model: Model, grid: Mapping[str, tuple[float, ...]], *, what: str) -> None:
+    """Refuse names that cannot be varied.
+
+    Args:
+        model: that has them.
+        grid: parameters, inputs or states, each with values.
+        what: the option that names them, for the message.
+
+    Raises:
+        InputError: there are none, an unknown name, or parameters of a model that is not a file.
+    """
     if not grid or not all(grid.values()):
-        raise InputError("over: nothing to vary; give NAME=value,value,…")
-    check_variables(model, grid, "parameter", "input", "state", what="over", number=True)
+        raise InputError(f"{what}: nothing to vary; give NAME=value,value,…")
+    check_variables(model, grid, "parameter", "input", "state", what=what, number=True)
     if model.recipe is None and any(n in {p.name for p in model.parameters} for n in grid):
-        raise InputError(f"over: the parameters of {model.name} cannot be set, as it is not a file")
+        raise InputError(f"{what}: the parameters of {model.name} cannot be set, as it is not a file")
 
 
 def _job(model: Model, varied: dict[str, float], common: Lin, *, explained: bool, trimmed: bool) -> _LinJob:
