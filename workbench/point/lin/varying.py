@@ -9,6 +9,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
+from scipy.linalg import eig
 
 from workbench.core.records.option import recast
 from workbench.core.values.arrays import Floats
@@ -20,7 +21,7 @@ from workbench.point.lin.request import Lin, LinVarying
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.sweep import check_varied, points_at
 from workbench.point.lin.task import NOT_AT_REST, point_in_full
-from workbench.point.lin.varying_error import Reference, VaryingErrors
+from workbench.point.lin.varying_error import SLOW, Reference, VaryingErrors
 from workbench.point.lin.varying_result import MATRICES, HeldOut, SchedulingParameter, VaryingModel
 
 __all__ = ["run"]
@@ -34,6 +35,7 @@ _MOST = 1500  # points of the grid
 _PROBES = 6  # points for each parameter at which a model is tried before it is tried everywhere
 _CHECKED = 400  # points between all neighbours of the grid that are looked at; where there are more, so many of them
 _SEARCHES = 6  # times that the worst point is moved on by ever smaller steps
+_TRIED, _MEETINGS, _NARROW = 128, 6, 1e-7  # where poles meet: points for each parameter, places, how well located
 _STILL = 1e-6  # of a variable's size or motion: what moves less over the box, does not move
 _MARGIN = 1.25  # the largest error found, and a quarter more for peaks between the points: what is stated
 # Errors as small as this are what the entries are known to, by method of linearisation.
@@ -249,14 +251,14 @@ def _check(
     """Return the errors between all neighbours of the grid, and on the way from the worst of them to worse ones."""
     doubled = [sorted([*t, *((a + b) / 2 for a, b in itertools.pairwise(t))]) for t in grid]
     inside = set(itertools.product(*grid))
-    places = [p for p in itertools.product(*doubled) if p not in inside] + _probes(len(grid))
+    places = [p for p in itertools.product(*doubled) if p not in inside]
     if len(places) > _CHECKED:
         some = np.random.default_rng(0).choice(len(places), _CHECKED, replace=False)
         places = [places[j] for j in sorted(some.tolist())]
+    places = list(dict.fromkeys([*places, *_probes(len(grid)), *_meetings(family, found)]))
     checked = dict(zip(places, family.errors(found, places), strict=True))
     for kind in range(4):
-        best = max(checked, key=lambda p: checked[p].values[kind])
-        step = [Fraction(1, 2 * (len(t) - 1)) / 2 for t in grid]
+        best, step = max(checked, key=lambda p: checked[p].values[kind]), _first_step(grid)
         for _ in range(_SEARCHES):
             beside = [p for p in _beside(best, step) if p not in checked]
             checked |= dict(zip(beside, family.errors(found, beside), strict=True))
@@ -264,6 +266,55 @@ def _check(
             step = step if better != best else [s / 2 for s in step]
             best = better
     return checked
+
+
+def _first_step(grid: Sequence[Sequence[Fraction]]) -> list[Fraction]:
+    return [Fraction(1, 4 * (len(thetas) - 1)) for thetas in grid]
+
+
+def _meetings(family: _Family, found: VaryingModel) -> list[Place]:
+    """Return places at which poles are most sensitive to the entries of A, as where two of them meet.
+
+    There their errors have narrow peaks, which points beside them miss. The model itself tells where.
+    """
+    count = len(found.grid)
+    some = [tuple(map(Fraction, row)) for row in np.random.default_rng(7).random((_TRIED * count, count)).tolist()]
+    known = {p: _sensitivity(found, family.named(p)) for p in some} if found.state_names else {}
+    result = list[Place]()
+    for start in sorted(known, key=lambda p: -known[p]):
+        if len(result) == _MEETINGS:
+            break
+        if all(max(abs(float(a - b)) for a, b in zip(start, other, strict=True)) > 0.05 for other in result):
+            result.append(_climbed(family, found, start, known[start]))
+    return result
+
+
+def _climbed(family: _Family, found: VaryingModel, best: Place, height: float) -> Place:
+    """Return a place beside one where poles are most sensitive."""
+    step = [Fraction(1, 2 * _TRIED)] * len(best)
+    while step[0] > _NARROW:
+        higher = [(_sensitivity(found, family.named(p)), p) for p in _beside(best, step)]
+        top, place = max(higher)
+        if top > height:
+            best, height = place, top
+        else:
+            step = [s / 4 for s in step]
+    return best
+
+
+def _sensitivity(found: VaryingModel, values: dict[str, float]) -> float:
+    """Return the largest relative change of a pole over that of the entries of A: |y|ᵀ |A| |x| / (|yᴴx| |λ|).
+
+    Source: N. J. Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., chapter 7 (componentwise); J. H.
+    Wilkinson, The Algebraic Eigenvalue Problem, chapter 2 (condition of an eigenvalue).
+    """
+    A = found.at(values).A
+    poles, left, right = eig(A, left=True, right=True)
+    part = np.sum(np.abs(left) * (np.abs(A) @ np.abs(right)), axis=0)
+    size = np.maximum(np.abs(poles), SLOW * np.abs(poles).max())
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = part / (np.abs(np.sum(left.conj() * right, axis=0)) * size)
+    return float(np.max(np.nan_to_num(ratio, nan=0.0, posinf=1e300), initial=0.0))
 
 
 def _beside(place: Place, step: Sequence[Fraction]) -> list[Place]:

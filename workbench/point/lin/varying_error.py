@@ -13,9 +13,9 @@ from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import Linear
 from workbench.core.values.matrices import held, resolvent
 
-__all__ = ["Reference", "VaryingErrors"]
+__all__ = ["SLOW", "Reference", "VaryingErrors"]
 
-_SLOW = 1e-4  # of the fastest pole: slower ones are compared with that, as a double pole at 0 is known to 1e-8 only
+SLOW = 1e-4  # of the fastest pole: slower ones are compared with that, as a double pole at 0 is known to 1e-8 only
 _SMALL = 1e-3  # of a channel's largest gain: what is below is compared with that
 _ROUNDING = 1e-9  # of what cancels in a channel: what is below is no response
 _PER_BAND, _STEPS = 60, 200  # frequencies over the band; instants of a step response
@@ -84,7 +84,7 @@ class Reference:
         size = np.abs(self.linear.poles)
         apart = np.abs(self.linear.poles[:, None] - other.poles)
         rows, columns = linear_sum_assignment(apart)
-        least = _SLOW * float(np.max(size, initial=0.0))
+        least = SLOW * float(np.max(size, initial=0.0))
         return float(np.max(apart[rows, columns] / np.maximum(size[rows], least or 1.0), initial=0.0))
 
     @cached_property
