@@ -114,7 +114,7 @@ class _Family:
 
     def value(self, place: Place) -> list[float]:
         """Return the values of the parameters at a place."""
-        parts = ((1.0 - math.cos(math.pi * t)) / 2.0 for t in place)
+        parts = (0.5 + 0.5 * math.sin(math.pi * (float(t) - 0.5)) for t in place)
         return [p.low * (1.0 - part) + p.high * part for p, part in zip(self.parameters, parts, strict=True)]
 
     def named(self, place: Place) -> dict[str, float]:
