@@ -1,4 +1,4 @@
-"""Parameter-varying models against closed forms: a spring p², a rational pole, a kink, poles that meet; and their FMU."""
+"""Parameter-varying models against closed forms: spring p², rational pole, kink, poles that meet; and their FMU."""
 
 from __future__ import annotations
 
@@ -213,7 +213,11 @@ def test_a_state_with_its_parameter_in_the_description() -> None:
 
 
 def test_ranges_and_values_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert OVER.read({"a": "1:3:5", "b": "1:3", "c": "1,2"}) == {"a": (1.0, 1.5, 2.0, 2.5, 3.0), "b": "1:3", "c": (1, 2)}
+    assert OVER.read({"a": "1:3:5", "b": "1:3", "c": "1,2"}) == {
+        "a": (1.0, 1.5, 2.0, 2.5, 3.0),
+        "b": "1:3",
+        "c": (1, 2),
+    }
     line = ["lin", LAG, "--over", "tau=0.5:2", "--error", "0.01", "--json", str(tmp_path / "lpv.json")]
     assert run(line) == 0
     out = capsys.readouterr().out

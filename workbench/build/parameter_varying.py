@@ -56,7 +56,7 @@ def varying_state_space(varying: VaryingModel, matrices: StateSpaceFile, name: s
     return _Builder(matrices=matrices, model=model, varying=varying).run()
 
 
-@dataclass(slots=True, kw_only=True)
+@dataclass(kw_only=True)
 class _Builder(Builder):
     varying: VaryingModel
     basis: list[int] = field(default_factory=list)
@@ -67,7 +67,7 @@ class _Builder(Builder):
         twice = {p.name for p in self.varying.scheduling} & {*self.varying.input_names, *self.varying.output_names}
         if twice:
             raise InputError(f"{min(twice)} is a scheduling parameter, and an input or output of the linear model, too")
-        Builder._declare(self)
+        super()._declare()
         for p in self.varying.scheduling:
             name = self._free(p.name, "scheduling")
             middle = 0.5 * (p.low + p.high)
@@ -133,7 +133,7 @@ class _Builder(Builder):
         return result
 
     def _splines(self, axis: Axis, reference: int) -> list[int]:
-        """Return the B-splines, each a choice of its polynomials: they are smooth where these meet, without an event."""
+        """Return the B-splines, each a choice of polynomials: smooth where these meet, without an event."""
         graph, held = self.graph, self._held(axis, reference)
         result = [graph.number(0.0)] * len(axis.nodes)
         for begin, end, some in reversed(axis.pieces()):

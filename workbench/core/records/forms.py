@@ -307,7 +307,7 @@ def _values_or_range(value: Any) -> Any:  # noqa: ANN401
     steps = _whole_number(value.split(":", 2)[2]) - 1
     if steps < 1:
         raise ValueError(f"'{value}' is not of the form LO:HI:N with N of 2 or more")
-    return tuple(low + (high - low) * i / steps for i in range(steps)) + (high,)
+    return (*(low + (high - low) * i / steps for i in range(steps)), high)
 
 
 def varied(text: str) -> tuple[str, str]:

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 __all__ = ["grid_page", "lin_page", "linear_model_page", "step_check_page", "varying_page"]
 
 _NOT_REACHED = (
-    "the error asked for is not reached with the finest grid: narrow the ranges, ask for less, or look where the map has "
-    "a ridge: the model switches there, poles meet, or its equilibrium is another one on either side"
+    "the error asked for is not reached with the finest grid: narrow the ranges, ask for less, or look where the map "
+    "has a ridge: the model switches there, poles meet, or its equilibrium is another one on either side"
 )
 _ROUNDING = 1e-9  # of the fastest pole of a continuous model: real parts below are that
 

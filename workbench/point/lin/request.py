@@ -23,7 +23,10 @@ if TYPE_CHECKING:
     from workbench.point.lin.state_space import LinearModel
     from workbench.point.lin.varying_result import VaryingModel  # noqa: F401 - as above
 
-__all__ = ["METHOD_NAMES", "Lin", "LinAlong", "LinOver", "LinVarying", "PointOptions", "lin", "lin_along", "lin_over", "lin_result", "lin_varying"]
+__all__ = [
+    "METHOD_NAMES", "Lin", "LinAlong", "LinOver", "LinVarying", "PointOptions", "lin", "lin_along", "lin_over",
+    "lin_result", "lin_varying",
+]  # fmt: skip
 
 METHOD_NAMES = ("auto", "exact", "difference", "kalman-bertram", "response")
 

@@ -318,11 +318,8 @@ def _sensitivity(found: VaryingModel, values: dict[str, float]) -> float:
 
 
 def _beside(place: Place, step: Sequence[Fraction]) -> list[Place]:
-    result = []
-    for i, width in enumerate(step):
-        for moved in (place[i] - width, place[i] + width):
-            result.append((*place[:i], min(max(moved, Fraction(0)), Fraction(1)), *place[i + 1 :]))
-    return result
+    moved = ((i, place[i] + sign * width) for i, width in enumerate(step) for sign in (-1, 1))
+    return [(*place[:i], min(max(at, Fraction(0)), Fraction(1)), *place[i + 1 :]) for i, at in moved]
 
 
 def _stated(family: _Family, found: VaryingModel, checked: dict[Place, VaryingErrors]) -> VaryingModel:

@@ -103,7 +103,7 @@ class LinCommand(OnePoint, InParts, ModelRequest["LinResult | LinGrid | VaryingM
         first=True,
     )
     error: float | None = option(
-        "Largest relative error of poles, responses and operating points of a parameter-varying model; by default 1e-3.",
+        "Largest relative error of poles, responses and points of a parameter-varying model; by default 1e-3.",
         metavar="E",
         positive=True,
         default=None,
