@@ -66,6 +66,7 @@ from workbench.model import Variable as Variable
 from workbench.point.lin.request import lin as lin
 from workbench.point.lin.request import lin_along as lin_along
 from workbench.point.lin.request import lin_over as lin_over
+from workbench.point.lin.request import lin_varying as lin_varying
 from workbench.point.lin.state_space import LinearModel as LinearModel
 from workbench.point.lin.step_check import step_check as step_check
 from workbench.point.modes.request import modes as modes
@@ -185,6 +186,10 @@ from workbench.point.lin.result import Doubt as Doubt
 from workbench.point.lin.result import LinResult as LinResult
 from workbench.point.lin.result import Zero as Zero
 from workbench.point.lin.step_check import StepCheck as StepCheck
+from workbench.point.lin.varying_error import VaryingErrors as VaryingErrors
+from workbench.point.lin.varying_result import HeldOut as HeldOut
+from workbench.point.lin.varying_result import SchedulingParameter as SchedulingParameter
+from workbench.point.lin.varying_result import VaryingModel as VaryingModel
 from workbench.point.modes.mode import Critical as Critical
 from workbench.point.modes.mode import Mode as Mode
 from workbench.point.modes.result import ModeSet as ModeSet

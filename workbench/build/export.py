@@ -11,15 +11,17 @@ from typing import Any
 
 from workbench.build.fmu import FMI_VERSIONS, Sources, assemble, compile_and_pack
 from workbench.build.matrices import StateSpaceFile, matrices_of, read_matrices
+from workbench.build.parameter_varying import frozen, varying_state_space
 from workbench.build.scalar_model import ScalarModel
 from workbench.build.state_space import naming, state_space
 from workbench.build.stiffness import is_stiff_matrix
 from workbench.build.time_scale import default_experiment
 from workbench.build.toolchain import chosen_platforms, require
 from workbench.core.machine.files import file_to_write, replacing
-from workbench.core.records.record import entry
+from workbench.core.records.record import entry, read_json
 from workbench.errors import InputError
 from workbench.jobs.job import Job
+from workbench.point.lin.varying_result import VaryingModel
 from workbench.show.result import Result
 
 __all__ = ["ExportResult", "check_linear_file", "export_linear", "generate_linear", "write_linear"]
@@ -93,8 +95,13 @@ def export_linear(
         raise InputError(f"FMI {fmi} cannot be written; choose 2 or 3")
     require("ziglang")
     chosen = chosen_platforms(platforms, usual="all")
-    matrices = read_matrices(model) if isinstance(model, str | Path) else matrices_of(model)
-    scalar = state_space(matrices, _identifier(name, target))
+    varying = _varying(model)
+    if varying is not None:
+        matrices = frozen(varying)
+        scalar = varying_state_space(varying, matrices, _identifier(name, target))
+    else:
+        matrices = read_matrices(model) if isinstance(model, str | Path) else matrices_of(model)
+        scalar = state_space(matrices, _identifier(name, target))
     sources = generate_linear(matrices, scalar, stiff=stiff)
     compile_and_pack(sources, {fmi: target}, chosen, job)
     renamed = _renamed(matrices, scalar)
@@ -104,16 +111,27 @@ def export_linear(
         fmi=fmi,
         dt=matrices.dt,
         n_states=len(matrices.state_names),
-        n_inputs=len(matrices.input_names),
+        n_inputs=len(scalar.references("input")),
         n_outputs=len(matrices.output_names),
         platforms=tuple(p.name for p in chosen),
         stiff=sources.stiff,
         renamed=renamed,
         notes=(
             *matrices.notes,
+            *(varying.notes if varying is not None else ()),
             *(f"the state '{a}' is '{b}' in the FMU: the name is taken" for a, b in renamed.items()),
         ),
     )
+
+
+def _varying(model: object) -> VaryingModel | None:
+    """Return a parameter-varying model, also from its JSON file; None: it is something else."""
+    if isinstance(model, VaryingModel):
+        return model
+    data = read_json(model) if isinstance(model, str | Path) else model
+    if not isinstance(data, Mapping) or "scheduling" not in data:
+        return None
+    return VaryingModel.from_dict(data)
 
 
 def check_linear_file(path: Path) -> None:

@@ -34,7 +34,7 @@ from workbench.build.units import rate_unit
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 
-__all__ = ["naming", "state_space"]
+__all__ = ["Builder", "naming", "state_space"]
 
 
 _NAME = r"[A-Za-z_]\w*(\[\d+(,\d+)*\])?"
@@ -58,7 +58,7 @@ def state_space(matrices: StateSpaceFile, name: str) -> ScalarModel:
     Raises:
         InputError: the period cannot be written as a quotient of whole numbers.
     """
-    return _Builder(matrices, ScalarModel(name, _description(matrices), ExpressionGraph())).run()
+    return Builder(matrices, ScalarModel(name, _description(matrices), ExpressionGraph())).run()
 
 
 def naming(model: ScalarModel) -> str:
@@ -74,7 +74,9 @@ def _description(matrices: StateSpaceFile) -> str:
 
 
 @dataclass(slots=True)
-class _Builder:
+class Builder:
+    """Makes the variables and equations of a linear model; one that varies puts its own in place of the latter."""
+
     matrices: StateSpaceFile
     model: ScalarModel
     taken: set[str] = field(default_factory=set)

@@ -297,6 +297,19 @@ def _rising(value: Any) -> tuple[float, float]:  # noqa: ANN401
     return result[0], result[1]
 
 
+def _values_or_range(value: Any) -> Any:  # noqa: ANN401
+    """Return values, N equidistant ones of "LO:HI:N", or the text "LO:HI" as it is."""
+    if not isinstance(value, str) or ":" not in value:
+        return _amounts(value)
+    low, high = _rising(":".join(value.split(":")[:2]))
+    if value.count(":") == 1:
+        return value
+    steps = _whole_number(value.split(":", 2)[2]) - 1
+    if steps < 1:
+        raise ValueError(f"'{value}' is not of the form LO:HI:N with N of 2 or more")
+    return (*(low + (high - low) * i / steps for i in range(steps)), high)
+
+
 def varied(text: str) -> tuple[str, str]:
     """Return the name and the values, LO:HI or A,B,.., of what is varied; no values where there is a name alone.
 
@@ -452,6 +465,18 @@ _AMOUNT = Form(metavar="A", example="0.1", read=amount, items=_WITH_UNIT)
 _VALUES = Form(metavar="NAME=VALUE", read=_values, layout=_ONE_EACH, items=_WITH_UNIT, repeated=True)
 _QUANTITIES = replace(_VALUES, read=_each(_quantity_or_number))
 _GRID = replace(_VALUES, metavar="NAME=A,B,..", read=_each(_amounts), layout=by_name(LISTED))
+OVER = replace(
+    _GRID,
+    metavar="NAME=A,B,..|LO:HI",
+    read=_each(_values_or_range),
+    layout=by_name(
+        Layout(
+            kind="list",
+            split=lambda texts: texts[-1] if ":" in texts[-1] else LISTED.split(texts),
+            join=lambda value: [value] if isinstance(value, str) else LISTED.join(value),
+        )
+    ),
+)
 _WIDTHS = Form(
     metavar="[NAME=]WIDTH",
     read=_widths,

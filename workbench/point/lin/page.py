@@ -19,6 +19,7 @@ from workbench.core.values.poles import (
 from workbench.point.lin.grid import LinGrid, LinPoint
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.step_check import StepCheck
+from workbench.point.lin.varying_result import VaryingModel
 from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import bracketed, counted, matrices, pole_table
 from workbench.show.verdicts import Verdict
@@ -26,8 +27,12 @@ from workbench.show.verdicts import Verdict
 if TYPE_CHECKING:
     from workbench.point.lin.state_space import LinearModel  # python-control is slow to import
 
-__all__ = ["grid_page", "lin_page", "linear_model_page", "step_check_page"]
+__all__ = ["grid_page", "lin_page", "linear_model_page", "step_check_page", "varying_page"]
 
+_NOT_REACHED = (
+    "the error asked for is not reached with the finest grid: narrow the ranges, ask for less, or look where the map "
+    "has a ridge: the model switches there, poles meet, or its equilibrium is another one on either side"
+)
 _ROUNDING = 1e-9  # of the fastest pole of a continuous model: real parts below are that
 
 
@@ -165,6 +170,45 @@ def grid_page(grid: LinGrid) -> Page:
 def _member(point: LinPoint, result: LinResult) -> Section:
     words = [f"{_kind(result)} Method: {result.method} ({result.why})."]
     return Section(str(point), paragraphs=words, parts=_parts(result))
+
+
+# -- parameter-varying models ------------------------------------------------------------------
+
+
+def varying_page(result: VaryingModel) -> Page:
+    """Return the page of a parameter-varying model: its largest errors, their map, the grid."""
+    errors, words = result.errors, "as asked for" if result.complete else "more than was asked for"
+    kind = "Chebyshev polynomials" if result.interpolation == "chebyshev" else "cubic splines"
+    about = "an equilibrium found at each point" if result.trimmed else "the given operating point"
+    sizes = " × ".join(str(len(nodes)) for nodes in result.grid.values())
+    names = ("poles", "frequency responses", "step responses", "operating point")
+    rows = [(name, f"{value:.2g}") for name, value in zip(names, errors.values, strict=True)]
+    scheduling = [
+        (p.name, f"{p.low:g}", f"{p.high:g}", p.unit or "", ", ".join(f"{v:.6g}" for v in result.grid[p.name]))
+        for p in result.scheduling
+    ]
+    return Page(
+        title=f"Parameter-varying linear model of {result.model} over {', '.join(result.grid)}",
+        lead=f"Largest error {errors.largest:.2g}, {words} ({result.asked_error:g}), by {kind} over a grid of "
+        f"{sizes}; {counted(len(result.state_names), 'state')}.",
+        facts={
+            "inputs → outputs": f"{_names(result.input_names)} → {_names(result.output_names)}",
+            "method": f"{result.method}, about {about}",
+            "linear models": f"{result.linear_models}, {len(result.held_out)} of them held out",
+        },
+        sections=[
+            Section("Errors over the ranges", figures=[(result.plot, "Errors at the points that were held out.")]),
+            Section("Largest errors", tables=[PageTable(("of", "relative error"), rows, right=(1,))]),
+            Section(
+                "Scheduling parameters",
+                tables=[PageTable(("parameter", "from", "to", "unit", "grid"), scheduling, right=(1, 2))],
+            ),
+        ],
+        summary=[] if result.complete else [Verdict("failed", _NOT_REACHED)],
+        notes=result.notes,
+        kind="lin",
+        shown_by="--report",
+    )
 
 
 # -- comparisons -------------------------------------------------------------------------------

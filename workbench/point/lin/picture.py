@@ -21,8 +21,11 @@ from workbench.show.tables import bracketed
 if TYPE_CHECKING:
     from workbench.point.lin.result import LinResult
     from workbench.point.lin.step_check import StepCheck
+    from workbench.point.lin.varying_result import VaryingModel
 
-__all__ = ["frequency_band", "plot_curves", "plot_lin", "plot_step_check"]
+__all__ = ["frequency_band", "plot_curves", "plot_lin", "plot_step_check", "plot_varying"]
+
+_LEAST_ERROR = 1e-12  # drawn
 
 _DASHES = ("-", "--", "-.", ":")
 
@@ -148,4 +151,37 @@ def plot_step_check(check: StepCheck) -> Figure:
     axes[0].set_ylabel(bracketed(check.output, check.unit))
     axes[0].set_xlabel("time [s]")
     axes[0].legend(**LEGEND)
+    return figure
+
+
+def plot_varying(result: VaryingModel) -> Figure:
+    """Draw the errors at points held out: over one parameter, or as a map over the first two.
+
+    Args:
+        result: the parameter-varying model.
+    """
+    names, held_out = list(result.grid), result.held_out
+    where = np.array([[h.values[name] for name in names] for h in held_out])
+    labels = [bracketed(p.name, p.unit) for p in result.scheduling]
+    if len(names) == 1:
+        figure, (ax,) = rows(1, title=f"{result.model}: errors over {names[0]}", height=3.4)
+        order = np.argsort(where[:, 0])
+        for i, (kind, mark) in enumerate(zip(("poles", "response", "step", "equilibrium"), "osd^", strict=True)):
+            error = np.array([getattr(h.errors, kind) for h in held_out])
+            style = {"color": COLOURS[i % len(COLOURS)], "markersize": 3.0, "linewidth": 0.8, "label": kind}
+            ax.plot(where[order, 0], np.maximum(error[order], _LEAST_ERROR), f"-{mark}", **style)
+        ax.plot(result.grid[names[0]], [_LEAST_ERROR] * len(result.grid[names[0]]), "k|", label="grid")
+        ax.axhline(result.asked_error, color="#444444", linewidth=0.9, linestyle="--", label="asked for")
+        ax.set_yscale("log")
+        ax.set_ylabel("relative error")
+        ax.legend(**LEGEND)
+    else:
+        figure, (ax,) = rows(1, title=f"{result.model}: largest error over {' × '.join(names)}", height=4.2)
+        error = np.array([max(h.errors.largest, _LEAST_ERROR) for h in held_out])
+        order = np.argsort(error)
+        ax.plot(*np.meshgrid(*list(result.grid.values())[:2]), "+", color="#444444", markersize=5.0)
+        shown = ax.scatter(where[order, 0], where[order, 1], c=np.log10(error[order]), s=22.0, cmap="viridis")
+        figure.colorbar(shown, ax=ax, label="log10 of the largest relative error; + grid")
+        ax.set_ylabel(labels[1])
+    ax.set_xlabel(labels[0])
     return figure

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING
 
-from workbench.core.records.forms import File, Grid, Names, Numbers, Values, Widths
+from workbench.core.records.forms import File, Grid, Names, Numbers, Ranges, Values, Widths
 from workbench.core.records.option import EACH, Options, option, with_options
 from workbench.core.values.calendar import TOGETHER
 from workbench.core.values.operating_point import AtPoint
+from workbench.errors import InputError
 from workbench.jobs.job import Job
 from workbench.jobs.options import InParts
 from workbench.requests.decorator import with_origin
@@ -20,8 +21,12 @@ if TYPE_CHECKING:
     from workbench.point.lin.grid import LinGrid  # noqa: F401 - the answer's type
     from workbench.point.lin.result import LinResult
     from workbench.point.lin.state_space import LinearModel
+    from workbench.point.lin.varying_result import VaryingModel  # noqa: F401 - as above
 
-__all__ = ["METHOD_NAMES", "Lin", "LinAlong", "LinOver", "PointOptions", "lin", "lin_along", "lin_over", "lin_result"]
+__all__ = [
+    "METHOD_NAMES", "Lin", "LinAlong", "LinOver", "LinVarying", "PointOptions", "lin", "lin_along", "lin_over",
+    "lin_result", "lin_varying",
+]  # fmt: skip
 
 METHOD_NAMES = ("auto", "exact", "difference", "kalman-bertram", "response")
 
@@ -180,6 +185,59 @@ class LinOver(PointOptions, Perturbed, _ChosenVariables, InParts, ModelRequest["
     )
 
 
+class LinVarying(PointOptions, Perturbed, _ChosenVariables, InParts, ModelRequest["VaryingModel"]):
+    """Find a parameter-varying (LPV) linear model over ranges of scheduling parameters, and tell its largest errors.
+
+    dx/dt = A(p) (x - x0(p)) + B(p) (u - u0(p)), y = y0(p) + C(p) (x - x0(p)) + D(p) (u - u0(p)). The model is
+    linearised over a grid: where the given point is not at rest everywhere, at an equilibrium that is found anew at
+    each place, from that point and with its inputs. The states are those of the model, which match by name, without a
+    transformation. Each entry is a polynomial in Chebyshev's form, or a cubic spline, of all parameters: whichever is
+    nearer to linear models at points beside the grid. The grid is refined, where every second point of it foretells
+    the others worst, until poles, frequency responses, step responses and operating points beside it are as near as
+    asked for. `errors` are promises: the largest errors found between all neighbours of the grid, and from the worst of
+    these points on by ever smaller steps, and a quarter more.
+
+    What is promised holds for parameters that stand still. A parameter that moves, moves the equilibrium; and one that
+    is itself moved by states or inputs, is part of the dynamics, which a frozen model does not see (hidden
+    coupling). Not where the model switches within the ranges, or the search finds another equilibrium at
+    neighbouring points: the grid is then refined in vain. At most three parameters.
+
+    Raises:
+        InputError: unknown name, a range that does not rise, a sampled model, other states at another point.
+        SimulationError: no linear model, or no equilibrium, at a point of the ranges.
+
+    Source: J. S. Shamma and M. Athans, Guaranteed properties of gain scheduled control for linear parameter-varying
+    plants, Automatica 27 (1991); D. J. Leith and W. E. Leithead, Survey of gain-scheduling analysis and design, Int. J.
+    Control 73 (2000); R. Toth, Modeling and Identification of Linear Parameter-Varying Systems (2010).
+
+    Examples:
+        The pole of 1/(tau s + 1) is -1/tau.
+
+        >>> with wb.load("fmu:FirstOrderLag") as lag:
+        ...     varying = wb.lin_varying(lag, {"tau": (0.5, 2.0)}, error=1e-6)
+        >>> print(varying.interpolation, varying.complete, varying.at({"tau": 0.8}).poles.real.round(5))
+        chebyshev True [-1.25]
+    """
+
+    command = "lin_varying"
+    algorithm = "workbench.point.lin.varying:run"
+    in_shell = False
+    example = "workbench lin fmu:Aircraft --over airspeed=150:340 --inputs elevator --outputs theta_center_of_gravity"
+
+    over: Ranges = option("Scheduling parameters: parameters, inputs or states, with their ranges.", of=EACH)
+    _: KW_ONLY
+    error: float = option(
+        "Largest relative error of poles, frequency responses, step responses and operating points.",
+        positive=True,
+        default=1e-3,
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 1 <= len(self.over) <= 3:
+            raise InputError("over: one to three scheduling parameters, NAME=LO:HI each")
+
+
 class LinAlong(Perturbed, _ChosenVariables, ModelRequest["LinGrid"]):
     """Linearise along a simulation: at each time about the states and inputs the model has then.
 
@@ -228,4 +286,5 @@ def _result(model: Model, request: Lin) -> LinResult:
 lin_result = with_origin()(with_options(Lin, _result, name="lin", first=Lin.subject.first))
 lin = with_origin("result")(with_options(Lin, _state_space, name="lin", first=Lin.subject.first))
 lin_over = function(LinOver)
+lin_varying = function(LinVarying)
 lin_along = function(LinAlong)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Any
 
-from workbench.core.records.forms import Amount, File, Grid, Numbers
+from workbench.core.records.forms import OVER, Amount, File, Grid, Numbers
 from workbench.core.records.option import EACH, option, recast
 from workbench.errors import InputError
 from workbench.jobs.job import Job
@@ -16,6 +16,7 @@ from workbench.point.lin.request import (
     Lin,
     LinAlong,
     LinOver,
+    LinVarying,
     OnePoint,
     Perturbed,
     PointOptions,
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from workbench.model import Model
     from workbench.point.lin.grid import LinGrid
     from workbench.point.lin.result import LinResult
+    from workbench.point.lin.varying_result import VaryingModel
     from workbench.response.compare_linear.result import LinComparison
 
 __all__ = ["Compare", "LinCommand", "compare"]
@@ -80,7 +82,7 @@ class Compare(PointOptions, Perturbed, SampledOptions, ModelRequest["LinComparis
     measure: bool = option("Measure the response, in addition to comparing the methods.", default=True)
 
 
-class LinCommand(OnePoint, InParts, ModelRequest["LinResult | LinGrid | LinComparison"]):
+class LinCommand(OnePoint, InParts, ModelRequest["LinResult | LinGrid | VaryingModel | LinComparison"]):
     """Linearise at an operating point: A, B, C, D with names, doubtful entries, reasons for zero rows and columns.
 
     If requested, over a grid of values, along a simulation, or by all methods with a measurement for comparison.
@@ -92,11 +94,20 @@ class LinCommand(OnePoint, InParts, ModelRequest["LinResult | LinGrid | LinCompa
 
     _: KW_ONLY
     over: Grid = option(
-        "Values of a parameter, input or state; gives one linear model for each combination.",
+        "Values of a parameter, input or state, or LO:HI:N; gives one linear model for each combination. LO:HI without "
+        "N: one parameter-varying model over the whole range.",
         of=EACH,
+        form=OVER,
         default_factory=dict,
         group=SEVERAL,
         first=True,
+    )
+    error: float | None = option(
+        "Largest relative error of poles, responses and points of a parameter-varying model; by default 1e-3.",
+        metavar="E",
+        positive=True,
+        default=None,
+        group=SEVERAL,
     )
     store: File | None = option(
         "Folder in which finished models of --over are kept; the same command continues from there.",
@@ -148,11 +159,20 @@ class LinCommand(OnePoint, InParts, ModelRequest["LinResult | LinGrid | LinCompa
                 raise InputError(
                     f"{flag} belongs to the measurement that --compare makes; add --compare, or leave it out"
                 )
+        if self.error is not None and not self._ranges:
+            raise InputError("--error belongs to a parameter-varying model: give --over NAME=LO:HI, or leave it out")
+        if self._ranges and (len(self._ranges) < len(self.over) or self.store is not None):
+            raise InputError("--over: a parameter-varying model needs LO:HI of each parameter, and has no --store")
         for name in ("at", "x0", "u0", "time"):
             if self.snapshot is not None and getattr(self, name):
                 raise InputError(f"--snapshot: the simulation sets the point; leave --{name} out")
 
-    def run(self, subject: Model, job: Job) -> LinResult | LinGrid | LinComparison:
+    @property
+    def _ranges(self) -> dict[str, tuple[float, ...]]:
+        """The ranges of a parameter-varying model."""
+        return {n: tuple(map(float, v.split(":"))) for n, v in self.over.items() if isinstance(v, str)}
+
+    def run(self, subject: Model, job: Job) -> LinResult | LinGrid | VaryingModel | LinComparison:
         """Run the request that is meant.
 
         Args:
@@ -160,7 +180,9 @@ class LinCommand(OnePoint, InParts, ModelRequest["LinResult | LinGrid | LinCompa
             job: is told what is finished.
         """
         request: ModelRequest[Any]
-        if self.over:
+        if self._ranges:
+            request = recast(LinVarying, self, over=self._ranges, **({"error": self.error} if self.error else {}))
+        elif self.over:
             request = recast(LinOver, self)
         elif self.snapshot is not None:
             request = recast(LinAlong, self, times=self.snapshot)
@@ -168,7 +190,7 @@ class LinCommand(OnePoint, InParts, ModelRequest["LinResult | LinGrid | LinCompa
             request = recast(Compare, self, input=self._one("input", subject), output=self._one("output", subject))
         else:
             request = recast(Lin, self)
-        record: LinResult | LinGrid | LinComparison = request.run(subject, job)
+        record: LinResult | LinGrid | VaryingModel | LinComparison = request.run(subject, job)
         return record
 
     def _one(self, kind: str, model: Model) -> str:
@@ -178,7 +200,7 @@ class LinCommand(OnePoint, InParts, ModelRequest["LinResult | LinGrid | LinCompa
         name: str = named[0]
         return name
 
-    def went_well(self, record: LinResult | LinGrid | LinComparison) -> bool:
+    def went_well(self, record: LinResult | LinGrid | VaryingModel | LinComparison) -> bool:
         """Return whether nothing is missing from the record.
 
         Args:
