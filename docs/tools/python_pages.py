@@ -15,8 +15,8 @@ _GROUPS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
         "loops",
         "Loops, limit cycles, control",
         (
-            "loops.loop", "loops.robust", "loops.describing", "loops.nyquist", "limit_cycles", "response.branches", "response.compare.",
-            "point.modes", "point.reduction", "core.values.closed_loop",
+            "loops.loop", "loops.robust", "loops.describing", "loops.nyquist", "limit_cycles", "response.branches",
+            "response.compare.", "point.modes", "point.reduction", "core.values.closed_loop",
         ),
     ),
     ("response", "Time histories and frequency response", ("response.simulate", "response.nfr")),

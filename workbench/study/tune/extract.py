@@ -14,7 +14,7 @@ from workbench.core.values.arrays import Complex
 from workbench.core.values.linear import Linear
 from workbench.errors import InputError, WorkbenchError
 from workbench.jobs.job import Job
-from workbench.loops.loop.request import Loop
+from workbench.loops.loop.request import Loop, openings
 from workbench.loops.loop.tunable import ports_of_blocks, tunable_loop
 from workbench.loops.opened_system import linear_between, system_of, without_block
 from workbench.model import Model
@@ -82,7 +82,7 @@ def extract(_model: None, job: ExtractJob) -> Iterator[Extracted]:
 def _of_loop(model: Model, request: Loop, job: ExtractJob) -> Extracted:
     at = trim(model, in_process=True).operating_point if request.trim else request.at
     point, _ = find_point(model, at)
-    found = tunable_loop(model, request.open, point=point, in_process=True, only=job.blocks)
+    found = tunable_loop(model, openings(request.open)[0], point=point, in_process=True, only=job.blocks)
     return Extracted(_plain(found.rest), found.blocks)
 
 

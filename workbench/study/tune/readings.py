@@ -16,6 +16,7 @@ from workbench.core.values.linear import Linear, LinearPart
 from workbench.core.values.matrices import resolvent
 from workbench.core.values.poles import natural_frequency_hz
 from workbench.loops.loop.margins import margins_of
+from workbench.loops.loop.request import openings
 from workbench.study.requirements.base import Limited, Requirement, convert
 from workbench.study.requirements.margins import (
     DelayMargin,
@@ -77,6 +78,9 @@ def is_linear(requirement: Requirement, command: str, options: Mapping[str, obje
         options: of that.
     """
     measured = command == "loop" and ("amplitude" in options or getattr(requirement, "source", None) == "measured")
+    if command == "loop":  # of several places the disk margins are those of all, which µ tells
+        places: Any = options.get("open", "")
+        measured = measured or places == "all" or len(openings(places)) > 1
     return command in ("lin", "loop") and type(requirement) in _READERS and not measured and "over" not in options
 
 
