@@ -39,9 +39,10 @@ export function placed(notes, lines, bounds) {
     let best = null;
     for (const [k, step] of STEPS.entries()) {
       for (const dy of [-step, step]) {
-        for (const [align, left] of [["left", x + GAP], ["right", x - GAP - wide], ["center", x - wide / 2]]) {
+        const sides = [["left", x + GAP, 0], ["right", x - GAP - wide, 0.2], ["center", x - wide / 2, 0.4], ["left", bounds.left, 1], ["right", bounds.right - wide, 1]];
+        for (const [align, left, aside] of sides) {
           const box = { left, right: left + wide, top: y + dy - HIGH / 2, bottom: y + dy + HIGH / 2 };
-          let cost = 2 * k + (dy > 0 ? 0.5 : 0) + { left: 0, right: 0.2, center: 0.4 }[align];
+          let cost = 2 * k + (dy > 0 ? 0.5 : 0) + aside;
           if (best && cost >= best.cost) continue;
           if (box.left < bounds.left || box.right > bounds.right || box.top < bounds.top || box.bottom > bounds.bottom) cost += OUTSIDE;
           cost += OVER_TEXT * taken.filter((t) => overlap(t, box)).length + OVER_MARK * marks.filter((m) => overlap(m, box)).length;
