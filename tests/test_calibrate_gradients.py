@@ -14,14 +14,12 @@ import workbench as wb
 from tests.calibrate_truth import complex_step
 from tests.test_turned import built_as
 from workbench.core.values.arrays import Floats
-from workbench.identification.calibrate.copies import copies
 from workbench.identification.calibrate.data import measured
 from workbench.identification.calibrate.noise import ColouredNoise
 from workbench.identification.calibrate.quantities import quantities_of
 from workbench.identification.calibrate.request import Calibrate
 from workbench.identification.calibrate.run import CalibrationWork, place_of
 from workbench.jobs.job import Job
-from workbench.session.compiled import CompiledMeSession
 
 STAIRS = np.repeat(np.random.default_rng(7).uniform(-1.0, 1.0, 12), 10)
 
@@ -114,18 +112,3 @@ def test_gradients_through_jumps_of_the_state(tmp_path: Path) -> None:
     assert shared
     np.testing.assert_allclose(computed, y, atol=1e-8)
     assert np.all(np.linalg.norm(found - J, axis=0) <= 1e-6 * np.linalg.norm(J, axis=0))
-
-
-def test_a_newton_matrix_of_many_copies_costs_less_than_one_of_two() -> None:
-    """That of two is dense; of more all states are moved at once, as the FMU declares what depends on what."""
-    counts = []
-    times = 0.004 * np.arange(1, 40)
-    with wb.load("fmu:Rudder", solver="gear") as one:
-        for count in (2, 3):
-            joint = copies(one, count)
-            assert joint is not None
-            with joint, joint.open_session() as session:
-                session.advance(times[-1], signals={"delC": wb.Constant(2.0)}, points=times)
-                assert isinstance(session, CompiledMeSession)
-                counts.append(session.evaluations)
-    assert counts[1] < counts[0]

@@ -54,7 +54,6 @@ class Harmonics:
 
 _AT_ITS_END = 0.01  # of its default experiment: a failure so near to its end may be for that
 _FAR = 1e6  # spans of it: the stop time that an FMU is then told
-_FEW = 2  # FMUs without connections: a dense Newton matrix of so many is as fast
 _STEPWISE = (Constant, Step, Prbs)  # signals without slopes
 
 
@@ -232,9 +231,7 @@ class CompiledMeSession(CompiledSession, MeSession):
         if name == "gear" and why_missing():
             raise FmuError(f"solver gear is not available: {why_missing()}; use solver vkm")
         self._scale, self._most = (np.ascontiguousarray(a, dtype=np.float64) for a in self.scales())
-        wiring = self.instance.wiring
-        apart = wiring is not None and not wiring.connections and len(self.instance.parts) > _FEW
-        self._sparsity = newton_sparsity(self.instance.description, apart=apart) if name == "gear" else None
+        self._sparsity = newton_sparsity(self.instance.description) if name == "gear" else None
         self._native = Me(
             system=self._make_loop().system.address,
             solver_name=name.encode(),

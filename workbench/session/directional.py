@@ -65,29 +65,27 @@ def slopes_pattern(instance: Instance, recorded: Sequence[Variable]) -> Pattern:
 _known: deque[tuple[ModelDescription, NativeSparsity | None]] = deque(maxlen=4)
 
 
-def newton_sparsity(description: ModelDescription, *, apart: bool = False) -> NativeSparsity | None:
+def newton_sparsity(description: ModelDescription) -> NativeSparsity | None:
     """Return where the Jacobian of a large model may differ from zero, as declared; None: a dense one is not slower.
 
     Args:
         description: of an FMU or a system.
-        apart: whether it is three or more FMUs without connections, whose states are moved at once.
     """
     for other, result in tuple(_known):
         if other is description:
             return result
-    made = _newton_sparsity(description, apart=apart)
+    made = _newton_sparsity(description)
     _known.append((description, made))
     return made
 
 
-def _newton_sparsity(description: ModelDescription, *, apart: bool) -> NativeSparsity | None:
+def _newton_sparsity(description: ModelDescription) -> NativeSparsity | None:
     n = len(description.states)
-    asked = (apart or n >= LARGE) and _names_states(description)
-    depends = _states_of(description, description.derivatives) if asked else [None]
+    depends = _states_of(description, description.derivatives) if n >= LARGE and _names_states(description) else [None]
     if None in depends:
         return None
     result = NativeSparsity(pattern_of(depends, n))
-    return result if apart or NARROW * (2 * result.below + result.above + 1) <= n else None
+    return result if NARROW * (2 * result.below + result.above + 1) <= n else None
 
 
 def newton_note(description: ModelDescription) -> str:
