@@ -20,7 +20,9 @@ __all__ = ["destabilising", "is_unstable", "promising", "slowest", "worst_place"
 
 _CORNERS = 8  # of so many parameters all corners are tried, of more as many at random
 _KEPT = 6  # directions that are followed with the model itself
-_STEPS = 12  # along each, at a time, and halvings of the last one
+_STEPS = 8  # along each, at a time
+_CLOSE = 2e-3  # relative: how near the border an unstable set is
+_BELOW = 0.99  # of the smallest unstable set: one that is not smaller than this is no other
 _RELATIVE = 1e-7  # of a pole's size: what its distance from the border is known to
 
 
@@ -97,26 +99,37 @@ def destabilising(family: Family, shares: Sequence[Floats], least: float, most: 
     """
     best: Place | None = None
     begin = max(least, 0.02 * most)
-    for share in shares:
-        if not (largest := float(np.abs(share).max())) > 0.0:
-            continue
-        direction, end = share / largest, most if best is None else _size(best)
-        sizes = np.geomspace(begin, max(end, begin * (1.0 + 1e-9)), _STEPS)
+    for direction in _directions(shares):
+        end = most if best is None else _BELOW * _size(best)
+        if not begin < end:
+            break
+        sizes = np.geomspace(begin, end, _STEPS)
+        if best is not None:
+            sizes = sizes[-1:]  # only what is worse is followed
         models = family.at([tuple(k * direction) for k in sizes])
         first = next((i for i, m in enumerate(models) if m is not None and is_unstable(m)), None)
         if first is None:
             continue
-        low, high = float(sizes[first - 1]) if first else 0.0, float(sizes[first])
-        for _ in range(_STEPS):
+        low, high = float(sizes[first - 1]) if first else least, float(sizes[first])
+        while high - low > _CLOSE * high:
             middle = 0.5 * (low + high)
             (linear,) = family.at([tuple(middle * direction)])
             if linear is not None and is_unstable(linear):
                 high = middle
             else:
                 low = middle
-        if best is None or high < _size(best):
-            best = tuple(float(x) for x in high * direction)
+        best = tuple(float(x) for x in high * direction)
     return best
+
+
+def _directions(shares: Sequence[Floats]) -> list[Floats]:
+    """Return the shares with the largest deviation 1, each direction once."""
+    result: list[Floats] = []
+    for share in shares:
+        largest = float(np.abs(share).max(initial=0.0))
+        if largest > 0.0 and not any(np.allclose(share / largest, other, atol=1e-2) for other in result):
+            result.append(share / largest)
+    return result
 
 
 def _size(place: Place) -> float:

@@ -201,7 +201,7 @@ def _at_rest(model: Model, job: _LinJob) -> Lin:
     request, states = job.request, {v.name for v in model.states}
     begin = {n: v for n, v in (request.x0 or {}).items() if n in states}
     fixed = {n: v for n, v in begin.items() if n in job.varied}
-    result = trim(model, x0=begin, u0=request.u0, fix=fixed, time=request.time)
+    result = trim(model, x0=begin, u0=request.u0, fix=fixed, time=request.time, in_process=True)  # where this runs
     if not result.converged:
         raise SimulationError("no equilibrium was found there")
     point = result.operating_point
