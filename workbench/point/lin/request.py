@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from workbench.point.lin.varying_result import VaryingModel  # noqa: F401 - as above
 
 __all__ = [
-    "METHOD_NAMES", "Lin", "LinAlong", "LinOver", "LinVarying", "PointOptions", "VaryingOptions", "lin", "lin_along", "lin_over",
-    "lin_result", "lin_varying",
+    "METHOD_NAMES", "Lin", "LinAlong", "LinOver", "LinVarying", "PointOptions", "VaryingOptions", "lin", "lin_along",
+    "lin_over", "lin_result", "lin_varying",
 ]  # fmt: skip
 
 METHOD_NAMES = ("auto", "exact", "difference", "kalman-bertram", "response")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Any
 
@@ -164,7 +165,8 @@ class LinCommand(VaryingOptions, OnePoint, InParts, ModelRequest["LinResult | Li
     @property
     def _ranges(self) -> dict[str, tuple[float, ...]]:
         """The ranges of a parameter-varying model."""
-        return {n: tuple(map(float, v.split(":"))) for n, v in self.over.items() if isinstance(v, str)}
+        given: Mapping[str, object] = self.over
+        return {name: tuple(map(float, text.split(":"))) for name, text in given.items() if isinstance(text, str)}
 
     def run(self, subject: Model, job: Job) -> LinResult | LinGrid | VaryingModel | LinComparison:
         """Run the request that is meant.
