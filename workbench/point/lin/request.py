@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from workbench.point.lin.varying_result import VaryingModel  # noqa: F401 - as above
 
 __all__ = [
-    "METHOD_NAMES", "Lin", "LinAlong", "LinOver", "LinVarying", "PointOptions", "lin", "lin_along", "lin_over",
-    "lin_result", "lin_varying",
+    "METHOD_NAMES", "Lin", "LinAlong", "LinOver", "LinVarying", "PointOptions", "VaryingOptions", "lin", "lin_along",
+    "lin_over", "lin_result", "lin_varying",
 ]  # fmt: skip
 
 METHOD_NAMES = ("auto", "exact", "difference", "kalman-bertram", "response")
@@ -185,7 +185,21 @@ class LinOver(PointOptions, Perturbed, _ChosenVariables, InParts, ModelRequest["
     )
 
 
-class LinVarying(PointOptions, Perturbed, _ChosenVariables, InParts, ModelRequest["VaryingModel"]):
+class VaryingOptions(Options):
+    """How near a parameter-varying model has to be."""
+
+    group = SEVERAL
+
+    _: KW_ONLY
+    error: float = option(
+        "Largest relative error of poles, responses and operating points of a parameter-varying model.",
+        metavar="E",
+        positive=True,
+        default=1e-3,
+    )
+
+
+class LinVarying(VaryingOptions, PointOptions, Perturbed, _ChosenVariables, InParts, ModelRequest["VaryingModel"]):
     """Find a parameter-varying (LPV) linear model over ranges of scheduling parameters, and tell its largest errors.
 
     dx/dt = A(p) (x - x0(p)) + B(p) (u - u0(p)), y = y0(p) + C(p) (x - x0(p)) + D(p) (u - u0(p)). The model is
@@ -225,12 +239,6 @@ class LinVarying(PointOptions, Perturbed, _ChosenVariables, InParts, ModelReques
     example = "workbench lin fmu:Aircraft --over airspeed=150:340 --inputs elevator --outputs theta_center_of_gravity"
 
     over: Ranges = option("Scheduling parameters: parameters, inputs or states, with their ranges.", of=EACH)
-    _: KW_ONLY
-    error: float = option(
-        "Largest relative error of poles, frequency responses, step responses and operating points.",
-        positive=True,
-        default=1e-3,
-    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -199,6 +199,7 @@ def _model(family: _Family, grid: Sequence[Sequence[Fraction]], kind: str) -> Va
     linear = family.linear
     rest = np.array([r.rest for r in references])
     n, m = len(linear.state_names), len(linear.input_names)
+    a, b, c, d = (np.array([getattr(r.linear, name) for r in references]) for name in MATRICES)
     return VaryingModel(
         model=linear.model, interface=linear.interface, method=linear.method, scheduling=family.parameters,
         grid={
@@ -208,17 +209,15 @@ def _model(family: _Family, grid: Sequence[Sequence[Fraction]], kind: str) -> Va
         interpolation=kind, asked_error=family.request.error, errors=VaryingErrors(*(math.inf,) * 4), held_out=(),
         linear_models=family.count, trimmed=family.trimmed, state_names=linear.state_names,
         input_names=linear.input_names, output_names=linear.output_names, units=linear.units,
-        **{name: np.array([getattr(r.linear, name) for r in references]) for name in MATRICES},
-        x0=rest[:, :n], u0=rest[:, n : n + m], y0=rest[:, n + m :],
+        A=a, B=b, C=c, D=d, x0=rest[:, :n], u0=rest[:, n : n + m], y0=rest[:, n + m :],
     )  # fmt: skip
 
 
-def _refined(
-    family: _Family, found: VaryingModel, grid: Sequence[Sequence[Fraction]]
-) -> list[list[Fraction]]:  # fmt: skip
+def _refined(family: _Family, found: VaryingModel, grid: Sequence[Sequence[Fraction]]) -> list[list[Fraction]]:
     """Return a finer grid: the parameter is refined whose nodes are foretold worst by every second one of them."""
     table = family.table(grid)
     size = np.abs(table).max(axis=0)
+    size[-len(family.motion) :] = np.maximum(size[-len(family.motion) :], family.motion)
     table = table[:, size > 0.0] / size[size > 0.0]
     shape = [len(thetas) for thetas in grid]
     apart = [_left_out(table.reshape(*shape, -1), found, i) for i in range(len(grid))]
@@ -245,9 +244,7 @@ def _left_out(table: Floats, found: VaryingModel, i: int) -> Floats:
 # -- what it is worth --------------------------------------------------------------------------
 
 
-def _check(
-    family: _Family, found: VaryingModel, grid: Sequence[Sequence[Fraction]]
-) -> dict[Place, VaryingErrors]:  # fmt: skip
+def _check(family: _Family, found: VaryingModel, grid: Sequence[Sequence[Fraction]]) -> dict[Place, VaryingErrors]:
     """Return the errors between all neighbours of the grid, and on the way from the worst of them to worse ones."""
     doubled = [sorted([*t, *((a + b) / 2 for a, b in itertools.pairwise(t))]) for t in grid]
     inside = set(itertools.product(*grid))

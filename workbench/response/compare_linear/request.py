@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import KW_ONLY
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,7 @@ from workbench.point.lin.request import (
     Perturbed,
     PointOptions,
     SampledOptions,
+    VaryingOptions,
 )
 from workbench.requests.request import ModelRequest, function
 from workbench.signals.text import Signals
@@ -82,7 +84,7 @@ class Compare(PointOptions, Perturbed, SampledOptions, ModelRequest["LinComparis
     measure: bool = option("Measure the response, in addition to comparing the methods.", default=True)
 
 
-class LinCommand(OnePoint, InParts, ModelRequest["LinResult | LinGrid | VaryingModel | LinComparison"]):
+class LinCommand(VaryingOptions, OnePoint, InParts, ModelRequest["LinResult | LinGrid | VaryingModel | LinComparison"]):
     """Linearise at an operating point: A, B, C, D with names, doubtful entries, reasons for zero rows and columns.
 
     If requested, over a grid of values, along a simulation, or by all methods with a measurement for comparison.
@@ -101,13 +103,6 @@ class LinCommand(OnePoint, InParts, ModelRequest["LinResult | LinGrid | VaryingM
         default_factory=dict,
         group=SEVERAL,
         first=True,
-    )
-    error: float | None = option(
-        "Largest relative error of poles, responses and points of a parameter-varying model; by default 1e-3.",
-        metavar="E",
-        positive=True,
-        default=None,
-        group=SEVERAL,
     )
     store: File | None = option(
         "Folder in which finished models of --over are kept; the same command continues from there.",
@@ -159,7 +154,7 @@ class LinCommand(OnePoint, InParts, ModelRequest["LinResult | LinGrid | VaryingM
                 raise InputError(
                     f"{flag} belongs to the measurement that --compare makes; add --compare, or leave it out"
                 )
-        if self.error is not None and not self._ranges:
+        if self.error != VaryingOptions().error and not self._ranges:
             raise InputError("--error belongs to a parameter-varying model: give --over NAME=LO:HI, or leave it out")
         if self._ranges and (len(self._ranges) < len(self.over) or self.store is not None):
             raise InputError("--over: a parameter-varying model needs LO:HI of each parameter, and has no --store")
@@ -170,7 +165,8 @@ class LinCommand(OnePoint, InParts, ModelRequest["LinResult | LinGrid | VaryingM
     @property
     def _ranges(self) -> dict[str, tuple[float, ...]]:
         """The ranges of a parameter-varying model."""
-        return {n: tuple(map(float, v.split(":"))) for n, v in self.over.items() if isinstance(v, str)}
+        given: Mapping[str, object] = self.over
+        return {name: tuple(map(float, text.split(":"))) for name, text in given.items() if isinstance(text, str)}
 
     def run(self, subject: Model, job: Job) -> LinResult | LinGrid | VaryingModel | LinComparison:
         """Run the request that is meant.
@@ -181,7 +177,7 @@ class LinCommand(OnePoint, InParts, ModelRequest["LinResult | LinGrid | VaryingM
         """
         request: ModelRequest[Any]
         if self._ranges:
-            request = recast(LinVarying, self, over=self._ranges, **({"error": self.error} if self.error else {}))
+            request = recast(LinVarying, self, over=self._ranges)
         elif self.over:
             request = recast(LinOver, self)
         elif self.snapshot is not None:
