@@ -185,6 +185,15 @@ class TuneProblem:
             result += self._borders(member, closed_poles(member, loop=_is_loop(run)), z, -math.inf)
         return result
 
+    def unstable(self, z: Floats) -> str:
+        """Return which pole of which linear model is farthest right, for people."""
+        every = ((r, run) for run, m in self.members(z).items() for r in closed_poles(m, loop=_is_loop(run)))
+        worst, run = max(every, key=lambda found: found[0].value)
+        tuned = {f"{model}.{q.name}" for model in self._models for q in self.free}
+        point = replace(run.point, values={n: v for n, v in run.point.values.items() if n not in tuned})
+        where = f" ({point.label})" if point.label else ""
+        return f"{run.analysis.name}{where} keeps a pole at {worst.place:.4g} 1/s"
+
     def _borders(self, member: Member, found: Sequence[Distance], z: Floats, least: float = _NEAR) -> list[SmoothPiece]:
         rate = float(np.median([abs(r.place) for r in found])) if found else 1.0
         near = [r for r in found if r.value > least * rate]

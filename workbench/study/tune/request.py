@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["Tune", "tune"]
 
 _WRITTEN = (".toml", ".ssp")
+_CONTROLLER = (".mo", ".fmu")
 
 
 class Tune(Request["str | Path", "TuneResult"]):
@@ -121,9 +122,13 @@ class Tune(Request["str | Path", "TuneResult"]):
         default=25,
     )
     out: File | None = option(
-        "Write the system with the values found: .toml (comments stay) or .ssp; build makes an FMU of it.",
+        "Write the system with the values found, .toml (comments stay) or .ssp; or the tuned blocks alone, sampled, as "
+        "Modelica (.mo) or FMU.",
         default=None,
         first=True,
+    )
+    sample: float | None = option(
+        "Sample period of the controller in a file .mo or .fmu.", unit="s", metavar="S", positive=True, default=None
     )
     store: File | None = option(
         "Folder in which finished analyses are kept; by default .workbench-store beside the study.",
@@ -141,8 +146,11 @@ class Tune(Request["str | Path", "TuneResult"]):
         super().__post_init__()
         if not self.free:
             raise InputError("free: name a parameter to find")
-        if self.out is not None and Path(self.out).suffix.lower() not in _WRITTEN:
-            raise InputError(f"out: {self.out} is neither .toml nor .ssp; workbench build makes an FMU of such a file")
+        suffix = "" if self.out is None else Path(self.out).suffix.lower()
+        if self.out is not None and suffix not in (*_WRITTEN, *_CONTROLLER):
+            raise InputError(f"out: {self.out} is none of .toml, .ssp, .mo, .fmu")
+        if (suffix in _CONTROLLER) != (self.sample is not None):
+            raise InputError("sample: a controller in a file .mo or .fmu needs a sample period, and nothing else does")
 
     @property
     def place(self) -> Workers:

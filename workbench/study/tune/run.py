@@ -25,6 +25,7 @@ from workbench.study.position_in_file import in_file
 from workbench.study.read import read_study
 from workbench.study.requirements.base import Compliance
 from workbench.study.run import default_store
+from workbench.study.tune.controller import write_controller
 from workbench.study.tune.minimax import MinimaxEnd
 from workbench.study.tune.problem import Question, TuneProblem
 from workbench.study.tune.request import Tune
@@ -33,6 +34,7 @@ from workbench.study.tune.search import Descent, conflict_of, descents, measured
 from workbench.study.tune.written import write_tuned
 from workbench.system.files.read import read_system
 from workbench.system.load import load
+from workbench.system.parameters import with_values
 
 __all__ = ["run"]
 
@@ -65,7 +67,9 @@ def run(system: str | Path, request: Tune, job: Job) -> TuneResult:
         problem = TuneProblem(study, models, described, free, evaluator)
         work = _TuneRun(problem, request, job, evaluator=evaluator, finished=finished, system=described.name)
         result = work.done()
-    if request.out is not None:
+    if request.out is not None and request.sample is not None:
+        write_controller(with_values(described, result.values), list(result.values), request.sample, Path(request.out))
+    elif request.out is not None:
         write_tuned(str(system), result.values, Path(request.out))
     return result
 

@@ -83,8 +83,7 @@ def made_stable(problem: TuneProblem, z: Floats, most: int) -> Floats | str:
         return "a block refuses these values"
     if problem.pieces(found.z) is not None:
         return found.z
-    worst = max(found.pieces, key=lambda p: p.value)
-    return f"no values were found with which the pole near {worst.place:.4g} 1/s is stable"
+    return f"no values were found with which all is stable: {problem.unstable(found.z)}"
 
 
 def _or_none(problem: TuneProblem, z: Floats) -> list[SmoothPiece] | None:
