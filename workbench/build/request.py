@@ -153,6 +153,9 @@ class Export(Request[object, "ExportResult | ContainerResult | SystemFile"]):
     the state, a deviation, at x0; so the FMU stands where the model was found. Matrix entries are numbers in the code,
     not parameters: to vary them, export again. It serves model exchange and co-simulation.
 
+    A parameter-varying model (`lin --over NAME=LO:HI`) has its scheduling parameters as further inputs, held within
+    their ranges, and starts in the middle of them; its states are those of the model, not deviations.
+
     A system becomes a container for co-simulation, see `export_container`: every connection carries a delay of one
     step, which the system itself does not have.
 

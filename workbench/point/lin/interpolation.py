@@ -58,7 +58,7 @@ class Axis:
     @cached_property
     def inverse(self) -> Floats:
         """Values at the nodes → factors of the functions, shape (n, n)."""
-        return np.linalg.inv(self.basis(self.nodes))
+        return np.asarray(np.linalg.inv(self.basis(self.nodes)), dtype=np.float64)
 
     def pieces(self) -> list[tuple[float, float, list[tuple[int, Floats]]]]:
         """Return begin and end of each interval of a spline, and the functions that are not 0 there.

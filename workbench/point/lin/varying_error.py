@@ -138,7 +138,8 @@ class Reference:
 
 def _least(size: Floats, parts: Floats, small: float) -> Floats:
     """Return sizes, at least a small part of a channel's largest, and more than what rounding leaves of its parts."""
-    return np.maximum(size, np.maximum(small * size.max(axis=0), _ROUNDING * parts.max(axis=0)))
+    least: Floats = np.maximum(size, np.maximum(small * size.max(axis=0), _ROUNDING * parts.max(axis=0)))
+    return least
 
 
 def _largest(apart: Floats, scale: Floats) -> float:
