@@ -198,5 +198,5 @@ class Signals {
 }
 
 function shortened(name) {
-  return name.length > 24 ? `${name.slice(0, 23)}…` : name;
+  return name.length > 14 ? `${name.slice(0, 13)}…` : name;
 }
