@@ -87,6 +87,14 @@ GIVEN: dict[str, dict[str, Any]] = {
     "SimulatedCycle": {"states": {}, "sizes": {}},  # which files do not hold
     "InitialMotion": {"signals": {}},
     "TargetList": {"targets": (TARGET,)},
+    "VaryingModel": {
+        "grid": {"p": (1.0, 2.0)},
+        "state_names": ("x",),
+        "input_names": ("u",),
+        "output_names": ("y",),
+        **{name: np.array([[[0.5]], [[1.5]]]) for name in "ABCD"},
+        **{name: np.array([[2.5], [3.5]]) for name in ("x0", "u0", "y0")},
+    },
     "WindowSettings": {"window": "hann", "length": 8, "overlap": 0.5, "averages": 3},
 }
 
@@ -101,15 +109,18 @@ class Maker:
     def __init__(self, *, empty: bool) -> None:
         self.empty = empty
         self._counter: Iterator[int] = itertools.count(1)
+        self._around: list[Any] = []  # kinds that are being made: none holds one of its own kind
 
     def record(self, kind: Any, **given: Any) -> Any:
         """Return an instance of a dataclass, with some fields as they are given."""
         hints, given = get_type_hints(kind), {**GIVEN.get(kind.__name__, {}), **given}
+        self._around.append(kind)
         made = {
             f.name: given[f.name] if f.name in given else self.value(hints[f.name], f.metadata)
             for f in fields(kind)
             if f.init
         }
+        self._around.pop()
         return kind(**made)
 
     def value(self, kind: Any, said: Mapping[str, Any]) -> Any:  # noqa: PLR0911 - a type each
@@ -128,6 +139,8 @@ class Maker:
         if is_dataclass(base):
             return self.record(base)
         if base is tuple:
+            if inner[0] in self._around:
+                return ()
             kinds = (inner[0], inner[0]) if inner[1:] == (...,) else inner
             return tuple(self.value(k, said) for k in kinds)
         if issubclass(base, Mapping):

@@ -64,6 +64,7 @@ VALUES: dict[str, Callable[[random.Random], Any]] = {
     "NAME[=LO:HI]": lambda c: {"u": rising(c), "plant.y[2]": (-math.inf, math.inf)},
     "NAME[=COLUMN]": lambda c: {name: name if c.random() < 0.5 else "col" for name in NAMES[:2]},
     "NAME=A,B,..": named(lambda c: [number(c), number(c)]),
+    "NAME=A,B,..|LO:HI": named(lambda c: [number(c), number(c)]),
     "NAME=VALUE": named(number),
     "NAME=VALUE,..": lambda c: [named(number)(c), {"on": True, "mode": "fast", "n": 3}],
     "NAME=SIGNAL": named(signal),

@@ -41,6 +41,7 @@ ARGUMENTS = {
     "lin --compare": f"{LAG_FMU} --compare --freq 0.1",
     "lin --interface cs": f"{LAG_FMU} --interface cs --step 0.01 --period 0.05 --points 40",
     "modes": f"{LAG_FMU} --vary u=0.5:2 --points 3",
+    "robust": f"{LAG_FMU} --uncertain u=0.5:1.5",
     "calibrate": f"{LAG_FMU} data.csv --free x --input u --output y",
     "onset": "limited.toml --input stick --limiter limiter --amplitude 0.1,1.1 --band 0.05:0.5",
 }

@@ -41,7 +41,11 @@ class UncertainParameter(RecordPart):
     unit: str | None = None
 
     def value(self, deviation: float) -> float:
-        """Return the value at a deviation from the middle, in half the range."""
+        """Return the value at a deviation from the middle.
+
+        Args:
+            deviation: in half the range.
+        """
         return 0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * deviation
 
 

@@ -91,7 +91,9 @@ def _worst(result: RobustResult) -> Section:
     )  # fmt: skip
     pole = f"{worst.pole.real:.5g}{f' ± {worst.pole.imag:.5g}j' if worst.pole.imag else ''}{unit}"
     words = f"{what}: {values}; pole {pole}, {number(worst.frequency_hz)} Hz. The model was linearised there."
-    return Section("Worst case of stability", paragraphs=[words], code=[result.command] if result.command else [])
+    return Section(
+        "Worst case of stability", paragraphs=[words], code=[result.command_line] if result.command_line else []
+    )
 
 
 def _gain(result: RobustResult) -> Sequence[Section]:

@@ -163,7 +163,7 @@ class RobustResult(Result):
         nominal_poles: in the middle of the ranges, shape (n,) [1/s]; of a sampled model in z.
         dt: period of a sampled model [s]; 0: continuous.
         trimmed: whether the equilibrium was found anew at each parameter set.
-        command: line that linearises the model at the worst parameter set; empty: it has none.
+        command_line: that linearises the model at the worst parameter set; empty: it has none.
         notes: one line each.
         operating_point: in the middle of the ranges.
     """
@@ -182,7 +182,7 @@ class RobustResult(Result):
     nominal_poles: Complex
     dt: float
     trimmed: bool
-    command: str = ""
+    command_line: str = ""
     notes: tuple[str, ...] = ()
     operating_point: OperatingPoint | None = None
 

@@ -130,7 +130,7 @@ def _analysed(
         nominal_poles=middle.poles,
         dt=middle.dt,
         trimmed=not request.hold,
-        command=_command(model, stability.worst),
+        command_line=_command(model, stability.worst),
         notes=tuple(dict.fromkeys(notes)),
         operating_point=family.centre.operating_point,
     )
