@@ -97,7 +97,7 @@ def test_a_rational_pole_keeps_its_promise_at_a_thousand_points() -> None:
         varying = wb.lin_varying(lag, {"tau": (0.5, 2.0)}, error=1e-5)
     taus = np.random.default_rng(2).uniform(0.5, 2.0, 1000).tolist()
     one = np.ones((1, 1))
-    truth = {(tau,): Linear(-one / tau, one / tau, one, 0.0 * one) for tau in taus}
+    truth: dict[tuple[float, ...], Linear] = {(tau,): Linear(-one / tau, one / tau, one, 0.0 * one) for tau in taus}
     found = largest(varying, truth)
     assert varying.complete
     assert varying.interpolation == "chebyshev"

@@ -168,7 +168,12 @@ def plot_varying(result: VaryingModel) -> Figure:
         order = np.argsort(where[:, 0])
         for i, (kind, mark) in enumerate(zip(("poles", "response", "step", "equilibrium"), "osd^", strict=True)):
             error = np.array([getattr(h.errors, kind) for h in held_out])
-            style = {"color": COLOURS[i % len(COLOURS)], "markersize": 3.0, "linewidth": 0.8, "label": kind}
+            style: dict[str, Any] = {
+                "color": COLOURS[i % len(COLOURS)],
+                "markersize": 3.0,
+                "linewidth": 0.8,
+                "label": kind,
+            }
             ax.plot(where[order, 0], np.maximum(error[order], _LEAST_ERROR), f"-{mark}", **style)
         ax.plot(result.grid[names[0]], [_LEAST_ERROR] * len(result.grid[names[0]]), "k|", label="grid")
         ax.axhline(result.asked_error, color="#444444", linewidth=0.9, linestyle="--", label="asked for")
