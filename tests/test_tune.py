@@ -21,18 +21,14 @@ from scripts.promises.tune import (  # fmt: skip
     two_requirements,
     worst_of,
 )
-from workbench.build.request import Build
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
-from workbench.jobs.job import Job
 from workbench.jobs.options import Workers
 from workbench.study.requirements import KINDS
-from workbench.study.tune.controller import sampled_controller
 from workbench.study.tune.family import LinearFamily, Member
 from workbench.study.tune.minimax import SmoothPiece, minimax
 from workbench.study.tune.readings import closed_poles, readings
 from workbench.system.description import BlockComponent, GainComponent
-from workbench.system.files.read import read_system
 
 HERE = Workers(in_process=True)
 LIMITS = (np.full(2, -10.0), np.full(2, 10.0))
@@ -347,39 +343,3 @@ def test_a_bandwidth_that_jumps_where_a_dip_touches_its_level_is_reached(tmp_pat
     s = 2j * np.pi * np.geomspace(1e-4, 0.12, 2000)
     loop = (p + i / s) / (s + 1.0) ** 3
     assert np.abs(loop / (1.0 + loop)).min() > 10.0 ** (-3.0 / 20.0)
-
-
-CONTROLLER = """
-[components]
-pid = {block = "pid", proportional = 2.0, integral = 3.0, derivative = 0.1, filter = 0.05, lower = -1.0, upper = 1.0}
-shape = {block = "lead_lag", gain = 1.0, lead = 0.1, lag = 0.05}
-[connections]
-"shape.u" = {from = "pid.y", gain = 2.0}
-[inputs]
-e = "pid.u"
-[outputs]
-u = "shape.y"
-"""
-
-
-def test_the_controller_alone_is_sampled_and_near_the_continuous_one(tmp_path: Path) -> None:
-    # Its output has limits: the integral must not wind up while it stands at one.
-    file = tmp_path / "controller.toml"
-    file.write_text(CONTROLLER, encoding="utf-8")
-    (tmp_path / "Controller.mo").write_text(
-        sampled_controller(read_system(file), ["pid.integral", "shape.lead"], 0.0025, "Controller"), encoding="utf-8"
-    )
-    fmu = tmp_path / "Controller.fmu"
-    Build(out=fmu, platforms=("host",)).run([tmp_path / "Controller.mo"], Job())
-    points = 0.01 * np.arange(1, 400) + 0.005
-    error = wb.Table(np.array([0.0, 1.0, 1.0001, 4.0]), np.array([1.0, 1.0, -0.3, -0.3]), "linear")
-    with wb.load(file) as continuous:
-        exact = wb.simulate(continuous, stop=4.0, inputs={"e": error}, outputs=["u"], points=points)
-    with wb.load(fmu) as sampled:
-        found = wb.simulate(sampled, stop=4.0, inputs={"pid_in": error}, outputs=["shape_out"], points=points)
-    rows = [np.searchsorted(run.time, points) for run in (exact, found)]
-    difference = found["shape_out"][rows[1]] - exact["u"][rows[0]]
-    away = (np.abs(points - 1.0) > 0.2) & (points > 0.2)  # steps of the error pass through the lead
-    assert (
-        np.abs(difference[away]).max() < 0.05
-    )  # of a range of 4; it falls with the period; a windup makes it 2 and more
