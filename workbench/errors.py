@@ -29,6 +29,7 @@ __all__ = [
     "WorkbenchError",
     "article",
     "close_names",
+    "is_choice",
     "one_line",
     "shortened",
     "suggest",
@@ -172,6 +173,11 @@ class EndedError(SimulationError):
     """
 
     kind = "ended"
+
+
+def is_choice(note: str) -> bool:
+    """Return whether a note only says what `auto` took of the interfaces and solvers."""
+    return (note.startswith("interface: ") and "(chosen by auto; " in note) or note == "solver: gear (chosen by auto)"
 
 
 def one_line(text: str) -> str:

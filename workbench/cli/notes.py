@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 
 from workbench.cli.command_line import spoken
-from workbench.errors import one_line
+from workbench.errors import is_choice, one_line
 
 __all__ = ["drop", "flush", "note", "said", "say"]
 
@@ -38,8 +38,6 @@ def flush() -> None:
     """Write what was kept to standard error; what `auto` took is in the title already."""
     if not _waiting:
         return
-    from workbench.show.facts import is_choice
-
     for text in _waiting:
         if not is_choice(text):
             sys.stderr.write(f"note: {one_line(spoken(text))}\n")

@@ -11,12 +11,12 @@ import numpy as np
 
 from workbench import __version__
 from workbench.core.values.operating_point import point_of_json
-from workbench.errors import InputError
+from workbench.errors import InputError, is_choice
 from workbench.requests.origin import ModelFacts, Origin
 from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import counted
 
-__all__ = ["finished", "is_choice", "point_facts", "versions"]
+__all__ = ["finished", "point_facts", "versions"]
 
 _NAMED = 12  # inputs and states of an operating point
 _PACKAGES = ("fmpy", "numpy", "scipy", "control")
@@ -104,11 +104,6 @@ def _moved(data: Mapping[str, Any], u: Mapping[str, float]) -> set[str]:
     histories = recorded if isinstance(recorded, Mapping) else {}
     known = {name: np.ravel(histories[name]) for name in u if name in histories}
     return {name for name, values in known.items() if np.any(values != u[name])}
-
-
-def is_choice(note: str) -> bool:
-    """Return whether a note only says what `auto` took of the interfaces and solvers."""
-    return (note.startswith("interface: ") and "(chosen by auto; " in note) or note == "solver: gear (chosen by auto)"
 
 
 def _choices(notes: Iterable[str]) -> dict[str, str]:

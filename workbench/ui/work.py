@@ -9,9 +9,8 @@ from typing import Any
 
 from workbench.core.machine.scratch import scratch
 from workbench.core.records.record import plain
-from workbench.errors import WorkbenchError
+from workbench.errors import WorkbenchError, is_choice
 from workbench.requests.origin import Origin
-from workbench.show.facts import is_choice
 from workbench.show.result import write_report
 from workbench.ui.forms import kind_named, without_flags
 from workbench.ui.kept import Drawer, origin_from_json, origin_to_json, restorable
