@@ -15,7 +15,7 @@ from scripts.promises import mu, robust
 from workbench.cli.app import run
 from workbench.core.values.linear import Linear
 from workbench.errors import InputError
-from workbench.loops.mu.blocks import Block
+from workbench.loops.mu.blocks import MuBlock
 from workbench.loops.mu.peak import peak
 
 # 1/(s³ + 0.6 s² + s) in a loop with a gain k: stable below 0.6 (Routh), where the poles are ±j.
@@ -70,7 +70,7 @@ def test_no_peak_hides_between_frequencies() -> None:
     b[1, 0], b[3, 1], c[0, 0], c[1, 2] = 3.0, 1.5 * 3.003, 1.0, 1.0
     system = Linear(a, b, c, np.zeros((2, 2)))
     truth = 1.5 / (2.0 * zeta * math.sqrt(1.0 - zeta**2))
-    for blocks in ([Block(size=2)], [Block(size=1), Block(size=1)]):
+    for blocks in ([MuBlock(size=2)], [MuBlock(size=1), MuBlock(size=1)]):
         found = peak(system, blocks)
         assert truth <= found.level <= 1.02 * truth
         assert found.frequency_hz == pytest.approx(3.003 / (2.0 * math.pi), rel=1e-4)
@@ -81,7 +81,7 @@ def test_a_real_number_is_borne_where_a_complex_one_is_not() -> None:
     zeta = 0.05
     a = np.array([[0.0, 1.0], [-1.0, -2.0 * zeta]])
     system = Linear(a, np.array([[0.0], [-1.0]]), np.array([[1.0, 0.0]]), np.zeros((1, 1)))
-    real, any_number = peak(system, [Block(size=1, real=True)]), peak(system, [Block(size=1)])
+    real, any_number = peak(system, [MuBlock(size=1, real=True)]), peak(system, [MuBlock(size=1)])
     assert 1.0 <= real.level <= 1.02
     truth = 1.0 / (2.0 * zeta * math.sqrt(1.0 - zeta**2))
     assert truth <= any_number.level <= 1.02 * truth
@@ -89,7 +89,7 @@ def test_a_real_number_is_borne_where_a_complex_one_is_not() -> None:
 
 def test_a_sampled_peak_is_that_on_the_unit_circle() -> None:
     one = np.ones((1, 1))
-    found = peak(Linear(-0.8 * one, one, one, 0.0 * one, dt=0.1), [Block(size=1)])
+    found = peak(Linear(-0.8 * one, one, one, 0.0 * one, dt=0.1), [MuBlock(size=1)])
     assert 5.0 <= found.level <= 5.1  # 1/|z - p| at z = -1
     assert found.frequency_hz == pytest.approx(5.0)
 

@@ -16,11 +16,11 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from workbench.core.values.arrays import Complex
-from workbench.loops.mu.blocks import Block, places
+from workbench.loops.mu.blocks import MuBlock, places
 from workbench.loops.mu.lower import lower_bound
 from workbench.loops.mu.upper import upper_bound
 
-_Case = tuple[Complex, list[Block], float]
+_Case = tuple[Complex, list[MuBlock], float]
 _ROUNDING = 1e-6  # relative: of the truth by another method
 
 
@@ -57,7 +57,7 @@ def run(*, cases: int = 200, seed: int = 1) -> int:
 def dyad(random: np.random.Generator) -> _Case:
     """Return M = u vᴴ with blocks of all kinds: det(I - M Δ) = 1 - vᴴ Δ u."""
     blocks = [
-        Block(size=int(random.integers(1, 3)), real=bool(random.integers(0, 2))) for _ in range(random.integers(1, 5))
+        MuBlock(size=int(random.integers(1, 3)), real=bool(random.integers(0, 2))) for _ in range(random.integers(1, 5))
     ]
     n = sum(b.size for b in blocks)
     u, v = (random.standard_normal(n) + 1j * random.standard_normal(n) for _ in range(2))
@@ -93,7 +93,7 @@ def two_complex(random: np.random.Generator) -> _Case:
     best = float(grid[np.argmax([radius(p) for p in grid])])
     found = minimize_scalar(lambda p: -radius(p), bounds=(best - 0.02, best + 0.02), method="bounded",
                             options={"xatol": 1e-12})  # fmt: skip
-    return m, [Block(size=1), Block(size=1)], max(-float(found.fun), radius(best))
+    return m, [MuBlock(size=1), MuBlock(size=1)], max(-float(found.fun), radius(best))
 
 
 def repeated(random: np.random.Generator) -> _Case:
@@ -102,7 +102,7 @@ def repeated(random: np.random.Generator) -> _Case:
     m = random.standard_normal((n, n))
     values = np.linalg.eigvals(m)
     real = np.abs(values[np.abs(values.imag) < 1e-9 * np.abs(values)])
-    return m.astype(np.complex128), [Block(size=n, real=True)], float(real.max(initial=0.0))
+    return m.astype(np.complex128), [MuBlock(size=n, real=True)], float(real.max(initial=0.0))
 
 
 def corners(random: np.random.Generator) -> _Case:
@@ -113,14 +113,14 @@ def corners(random: np.random.Generator) -> _Case:
     for signs in itertools.product((-1.0, 1.0), repeat=n):
         values = np.linalg.eigvals(m * np.array(signs))
         best = max(best, float(np.abs(values[np.abs(values.imag) < 1e-9 * np.abs(values)]).max(initial=0.0)))
-    return m.astype(np.complex128), [Block(size=1, real=True)] * n, best
+    return m.astype(np.complex128), [MuBlock(size=1, real=True)] * n, best
 
 
 def full(random: np.random.Generator) -> _Case:
     """Return a matrix with one full complex block: µ is the largest singular value."""
     n = int(random.integers(1, 5))
     m = random.standard_normal((n, n)) + 1j * random.standard_normal((n, n))
-    return m, [Block(size=n)], float(np.linalg.norm(m, 2))
+    return m, [MuBlock(size=n)], float(np.linalg.norm(m, 2))
 
 
 KINDS: Mapping[str, Callable[[np.random.Generator], _Case]] = {

@@ -15,7 +15,7 @@ from workbench.errors import InputError
 from workbench.loops.loop.cut import INJECTED, PASSED, RETURNED, injected_at, loop_sources
 from workbench.loops.loop.request import Open
 from workbench.loops.loop.result import LoopDisk, Opening
-from workbench.loops.mu.blocks import Block
+from workbench.loops.mu.blocks import MuBlock
 from workbench.loops.mu.peak import peak
 from workbench.model import Model
 from workbench.model.described_model import DescribedModel
@@ -102,7 +102,7 @@ def _sides(places: Sequence[Opening]) -> Iterator[tuple[str, tuple[int, ...]]]:
 def _disk(n: Linear, where: str, chosen: tuple[int, ...]) -> LoopDisk:
     some = list(chosen)
     part = Linear(n.A, n.B[:, some], n.C[some], n.D[np.ix_(some, some)], dt=n.dt)
-    found = peak(part, [Block(size=1)] * len(some), close=_CLOSE)
+    found = peak(part, [MuBlock(size=1)] * len(some), close=_CLOSE)
     disk = disk_of(found.level, found.frequency_hz)
     return LoopDisk(
         where=where,

@@ -9,11 +9,11 @@ import numpy as np
 
 from workbench.core.values.arrays import Complex, Floats
 
-__all__ = ["Block", "places", "scaled"]
+__all__ = ["MuBlock", "places", "scaled"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Block:
+class MuBlock:
     """One block of a perturbation Δ, of norm 1 at most.
 
     Attributes:
@@ -27,7 +27,7 @@ class Block:
     varies: bool = True
 
 
-def places(blocks: Sequence[Block]) -> Iterator[tuple[Block, slice]]:
+def places(blocks: Sequence[MuBlock]) -> Iterator[tuple[MuBlock, slice]]:
     """Yield each block with its place on the diagonal.
 
     Args:
@@ -39,7 +39,7 @@ def places(blocks: Sequence[Block]) -> Iterator[tuple[Block, slice]]:
         begin += block.size
 
 
-def scaled(matrix: Complex, blocks: Sequence[Block], level: float) -> Complex:
+def scaled(matrix: Complex, blocks: Sequence[MuBlock], level: float) -> Complex:
     """Return M·S with the columns of the blocks that vary divided by a level, as if these were larger by 1/level.
 
     Args:
@@ -50,6 +50,6 @@ def scaled(matrix: Complex, blocks: Sequence[Block], level: float) -> Complex:
     return np.asarray(matrix * columns(blocks, level))
 
 
-def columns(blocks: Sequence[Block], level: float) -> Floats:
+def columns(blocks: Sequence[MuBlock], level: float) -> Floats:
     """Return the factor of each column, shape (n,)."""
     return np.concatenate([np.full(b.size, 1.0 / level if b.varies else 1.0) for b in blocks] or [np.zeros(0)])

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cholesky, eigh, solve_triangular
 
 from workbench.core.values.arrays import Complex, Floats
-from workbench.loops.mu.blocks import Block, places
+from workbench.loops.mu.blocks import MuBlock, places
 
 __all__ = ["improved"]
 
@@ -21,7 +21,7 @@ _LARGEST_G = 100.0  # beside a matrix of size 1: G grows no further, which a rea
 
 
 def improved(
-    matrix: Complex, blocks: Sequence[Block], d: Complex, g: Complex, *, enough: float = 0.0
+    matrix: Complex, blocks: Sequence[MuBlock], d: Complex, g: Complex, *, enough: float = 0.0
 ) -> tuple[Complex, Complex]:
     """Return scalings D and G with a bound that is smaller, or as small.
 
@@ -38,7 +38,7 @@ def improved(
     Source: S. Boyd, L. El Ghaoui, E. Feron, V. Balakrishnan, Linear Matrix Inequalities in System and Control Theory
     (1994), section 2.4.
     """
-    search = _Search(matrix, blocks)
+    search = _CentreSearch(matrix, blocks)
     start = d * (len(d) / np.trace(d).real)
     x = search.coordinates(0.99 * start + 0.01 * np.eye(len(d)), g * (len(d) / np.trace(d).real))
     best, level = (d, g), search.least(x)
@@ -63,7 +63,7 @@ def improved(
     return best
 
 
-class _Search:
+class _CentreSearch:
     """The inequality in coordinates.
 
     Args:
@@ -71,7 +71,7 @@ class _Search:
         blocks: the structure.
     """
 
-    def __init__(self, matrix: Complex, blocks: Sequence[Block]) -> None:
+    def __init__(self, matrix: Complex, blocks: Sequence[MuBlock]) -> None:
         n = len(matrix)
         back = matrix.conj().T
         self._matrix = matrix
@@ -148,7 +148,7 @@ def _seen(factor: Complex, matrices: Complex) -> Complex:
     return np.asarray(other.transpose(1, 0, 2).reshape(-1, n * n))
 
 
-def _basis(blocks: Sequence[Block], *, real_only: bool) -> Iterator[tuple[slice, NDArray[np.complex128]]]:
+def _basis(blocks: Sequence[MuBlock], *, real_only: bool) -> Iterator[tuple[slice, NDArray[np.complex128]]]:
     """Yield place and matrix of each element of what commutes with the structure; of G: in real blocks only."""
     for block, at in places(blocks):
         n = block.size

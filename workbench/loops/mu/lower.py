@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.core.values.arrays import Complex, Floats
-from workbench.loops.mu.blocks import Block, places
+from workbench.loops.mu.blocks import MuBlock, places
 
 __all__ = ["Attained", "attained_by", "lower_bound"]
 
@@ -34,7 +34,7 @@ class Attained:
     delta: Complex
 
 
-def lower_bound(matrix: Complex, blocks: Sequence[Block], *, starts: int = 6, seed: int = 0) -> Attained:
+def lower_bound(matrix: Complex, blocks: Sequence[MuBlock], *, starts: int = 6, seed: int = 0) -> Attained:
     """Return a lower bound of µ(M): the largest real eigenvalue of Δ M that is found, Δ of norm 1.
 
     With complex blocks Δ comes from the power iteration, and they are turned until an eigenvalue is real. Without, the
@@ -89,7 +89,7 @@ def _bisected(matrix: Complex, path: _Path, ends: tuple[float, float], values: t
     return a if abs(u.imag) < abs(v.imag) else b
 
 
-def _edges(blocks: Sequence[Block], seed: int) -> Iterator[_Path]:
+def _edges(blocks: Sequence[MuBlock], seed: int) -> Iterator[_Path]:
     """Yield the edges of the cube of real numbers, or some."""
     count, sizes = len(blocks), [b.size for b in blocks]
     if count <= _CORNERS:
@@ -108,13 +108,13 @@ def _between(first: Complex, last: Complex) -> _Path:
     return lambda t: (1.0 - t) * first + t * last
 
 
-def _turned(blocks: Sequence[Block], shape: Complex) -> _Path:
+def _turned(blocks: Sequence[MuBlock], shape: Complex) -> _Path:
     """Return the path on which the complex blocks turn once."""
     real = np.concatenate([np.full(b.size, b.real) for b in blocks])
     return lambda t: shape * np.where(real, 1.0, np.exp(2j * np.pi * t))[:, None]
 
 
-def attained_by(matrix: Complex, shape: Complex, blocks: Sequence[Block]) -> Attained:
+def attained_by(matrix: Complex, shape: Complex, blocks: Sequence[MuBlock]) -> Attained:
     """Return the bound that a perturbation of norm 1 proves, made larger or smaller as a whole.
 
     Args:
@@ -138,7 +138,7 @@ def attained_by(matrix: Complex, shape: Complex, blocks: Sequence[Block]) -> Att
     return Attained(largest, shape * turn / largest)
 
 
-def _tried(matrix: Complex, blocks: Sequence[Block], starts: int, seed: int) -> Iterator[Complex]:
+def _tried(matrix: Complex, blocks: Sequence[MuBlock], starts: int, seed: int) -> Iterator[Complex]:
     """Yield perturbations of norm 1."""
     n = len(matrix)
     if all(b.real for b in blocks):
@@ -158,7 +158,7 @@ def _tried(matrix: Complex, blocks: Sequence[Block], starts: int, seed: int) -> 
                 yield from _crossings(matrix, _turned(blocks, shape))
 
 
-def _iterated(matrix: Complex, blocks: Sequence[Block], b: Complex, q: Floats) -> Iterator[Complex]:
+def _iterated(matrix: Complex, blocks: Sequence[MuBlock], b: Complex, q: Floats) -> Iterator[Complex]:
     """Yield the perturbation at the end of the iteration, and one on the way."""
     w, back = b, matrix.conj().T
     for turn in range(_TURNS):
@@ -191,7 +191,7 @@ def _ratio(first: Complex, second: Complex) -> float:
     return float(np.linalg.norm(first)) / size if size > 0.0 else 0.0
 
 
-def _perturbation(blocks: Sequence[Block], q: Floats, a: Complex, w: Complex) -> Complex:
+def _perturbation(blocks: Sequence[MuBlock], q: Floats, a: Complex, w: Complex) -> Complex:
     """Return Δ of norm 1 with b ∝ Δ a: the real numbers q, and in each complex block a dyad."""
     result = np.zeros((len(a), len(a)), dtype=np.complex128)
     for k, (block, at) in enumerate(places(blocks)):

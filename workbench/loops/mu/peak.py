@@ -13,7 +13,7 @@ from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import Linear
 from workbench.core.values.matrices import resolvent
 from workbench.errors import SimulationError
-from workbench.loops.mu.blocks import Block, columns, scaled
+from workbench.loops.mu.blocks import MuBlock, columns, scaled
 from workbench.loops.mu.upper import Scaling, upper_bound
 
 __all__ = ["Peak", "continued", "level_at", "peak", "response_at"]
@@ -44,7 +44,7 @@ class Peak:
 
 def peak(
     system: Linear,
-    blocks: Sequence[Block],
+    blocks: Sequence[MuBlock],
     band_hz: tuple[float, float] = (0.0, math.inf),
     *,
     close: float = _CLOSE,
@@ -106,7 +106,7 @@ def peak(
 
 def level_at(
     matrix: Complex,
-    blocks: Sequence[Block],
+    blocks: Sequence[MuBlock],
     known: float = 0.0,
     *,
     start: float = 1.0,
@@ -153,7 +153,7 @@ def level_at(
     return level
 
 
-def _least(matrix: Complex, blocks: Sequence[Block], level: float, proof: Scaling) -> float:
+def _least(matrix: Complex, blocks: Sequence[MuBlock], level: float, proof: Scaling) -> float:
     """Return the least level that scalings prove at a frequency, those for blocks that vary growing with it.
 
     Of Mᴴ D M + j (G M - Mᴴ G) ≤ diag(t² D of what varies, D of the rest) the rest is taken out by its Schur complement.
@@ -233,7 +233,7 @@ def _inside(begin: float, end: float, own: Floats) -> float:
 
 
 def _proved(
-    m: Linear, blocks: Sequence[Block], level: float, proof: Scaling, omega: float, *, limits: tuple[float, float]
+    m: Linear, blocks: Sequence[MuBlock], level: float, proof: Scaling, omega: float, *, limits: tuple[float, float]
 ) -> tuple[float, float]:
     """Return the ends of the interval around a frequency over which its scalings prove the level."""
     begin, end = limits
@@ -255,7 +255,7 @@ def _proved(
     return first, last
 
 
-def _holds(matrix: Complex, blocks: Sequence[Block], level: float, proof: Scaling) -> bool:
+def _holds(matrix: Complex, blocks: Sequence[MuBlock], level: float, proof: Scaling) -> bool:
     """Whether the scalings prove the level at a frequency, as near as rounding tells at an interval's end."""
     f = scaled(matrix, blocks, level)
     back = f.conj().T
@@ -263,7 +263,7 @@ def _holds(matrix: Complex, blocks: Sequence[Block], level: float, proof: Scalin
     return bool(np.linalg.eigvalsh(left)[-1] <= 1e-9 * np.linalg.norm(proof.d))
 
 
-def _crossings(m: Linear, blocks: Sequence[Block], level: float, proof: Scaling) -> Floats | None:
+def _crossings(m: Linear, blocks: Sequence[MuBlock], level: float, proof: Scaling) -> Floats | None:
     """Return the frequencies at which the scalings stop to prove the level, of both signs; None: they cannot be had.
 
     With M = C (sI - A)⁻¹ B + D they are the imaginary eigenvalues of the Hamiltonian matrix of the quadratic form

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import LinAlgError, eigh
 
 from workbench.core.values.arrays import Complex
-from workbench.loops.mu.blocks import Block
+from workbench.loops.mu.blocks import MuBlock
 from workbench.loops.mu.centre import improved
 
 __all__ = ["Scaling", "bound_of", "upper_bound"]
@@ -33,7 +33,7 @@ class Scaling:
     g: Complex
 
 
-def upper_bound(matrix: Complex, blocks: Sequence[Block], *, enough: float = 0.0, full: bool = True) -> Scaling:
+def upper_bound(matrix: Complex, blocks: Sequence[MuBlock], *, enough: float = 0.0, full: bool = True) -> Scaling:
     """Return an upper bound of µ(M), the inverse of the size of the smallest Δ with det(I - M Δ) = 0.
 
     The scalings are those of SLICOT's AB13MD, whose real blocks are single numbers: a number that stands several times
@@ -101,7 +101,7 @@ def bound_of(matrix: Complex, d: Complex, g: Complex) -> float:
     return float(np.sqrt(max(largest, 0.0)))
 
 
-def _diagonal(matrix: Complex, blocks: Sequence[Block], size: float) -> Scaling:
+def _diagonal(matrix: Complex, blocks: Sequence[MuBlock], size: float) -> Scaling:
     """Return the scalings of AB13MD, for a matrix divided by its size."""
     from slycot import ab13md  # noqa: PLC0415 - slow to import
     from slycot.exceptions import SlycotError  # noqa: PLC0415

@@ -9,10 +9,10 @@ import numpy as np
 
 from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import Linear
-from workbench.loops.mu.blocks import Block
+from workbench.loops.mu.blocks import MuBlock
 from workbench.loops.mu.peak import Peak, peak
 from workbench.loops.mu.upper import upper_bound
-from workbench.loops.robust.family import Family, Place
+from workbench.loops.robust.family import LinearFamily, Place
 from workbench.loops.robust.result import WorstGain
 from workbench.loops.robust.uncertain import UncertainModel
 from workbench.loops.robust.worst import is_unstable, promising
@@ -25,7 +25,7 @@ _SHOWN = 200  # and of the curves
 
 
 def worst_gain(
-    family: Family, whole: UncertainModel, parts: Sequence[UncertainModel], performance: Sequence[int],
+    family: LinearFamily, whole: UncertainModel, parts: Sequence[UncertainModel], performance: Sequence[int],
     band: tuple[float, float] | None,
 ) -> WorstGain:  # fmt: skip
     """Return the bounds of the largest gain over frequencies and parameters.
@@ -79,7 +79,7 @@ def gain_curve(linear: Linear | None, frequency_hz: Floats, performance: Sequenc
     response = linear.response(frequency_hz)
     if len(performance) == 1:
         return np.asarray(np.linalg.norm(response, 2, axis=(1, 2)))
-    blocks = [Block(size=k) for k in performance]
+    blocks = [MuBlock(size=k) for k in performance]
     return np.array([upper_bound(m, blocks).bound for m in response])
 
 
@@ -88,7 +88,7 @@ def _peak(linear: Linear | None, performance: Sequence[int], limits: tuple[float
         return Peak(0.0, math.nan, 0)
     if is_unstable(linear):
         return Peak(math.inf, math.nan, 0)
-    return peak(_squared(linear, sum(performance)), [Block(size=k) for k in performance], limits, close=_CLOSE)
+    return peak(_squared(linear, sum(performance)), [MuBlock(size=k) for k in performance], limits, close=_CLOSE)
 
 
 def _squared(linear: Linear, size: int) -> Linear:

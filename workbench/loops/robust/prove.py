@@ -9,11 +9,11 @@ import numpy as np
 
 from workbench.errors import SimulationError
 from workbench.loops.mu.peak import peak
-from workbench.loops.robust.family import Family, Place
+from workbench.loops.robust.family import LinearFamily, Place
 from workbench.loops.robust.uncertain import Box, UncertainModel, uncertain_model
 from workbench.loops.robust.worst import is_stable, is_unstable
 
-__all__ = ["Margin", "Parts", "divided", "needed", "proved_margin"]
+__all__ = ["ProvedMargin", "ProvedParts", "divided", "needed", "proved_margin"]
 
 _ROUNDS = 5  # sizes that are tried
 _CLOSE = 0.03  # relative: how near the margin is to the largest one that the bounds prove
@@ -21,7 +21,7 @@ _BELOW = 0.995  # the next size beside the one that a bound suggests
 
 
 @dataclass(frozen=True, eq=False)
-class Margin:
+class ProvedMargin:
     """What is proved of boxes around the middle.
 
     Attributes:
@@ -38,7 +38,7 @@ class Margin:
 
 
 @dataclass(frozen=True, eq=False)
-class Parts:
+class ProvedParts:
     """What is proved of the ranges as they are given.
 
     Attributes:
@@ -58,7 +58,7 @@ def needed(model: UncertainModel) -> float:
     return peak(system, blocks).level
 
 
-def proved_margin(family: Family, most: float) -> Margin:
+def proved_margin(family: LinearFamily, most: float) -> ProvedMargin:
     """Return the largest box around the middle that is proved to be stable.
 
     The level that a box needs tells the size of the next one: what grows with it exactly only where the matrices are
@@ -97,10 +97,10 @@ def proved_margin(family: Family, most: float) -> Margin:
         if refused <= best * (1.0 + _CLOSE) or (best > 0.0 and following <= best * (1.0 + _CLOSE)):
             break
         size = following
-    return Margin(best, limit, models, tuple(notes))
+    return ProvedMargin(best, limit, models, tuple(notes))
 
 
-def divided(family: Family, whole: UncertainModel, boxes: int) -> Parts:
+def divided(family: LinearFamily, whole: UncertainModel, boxes: int) -> ProvedParts:
     """Prove the stability over the ranges in parts: what is not proved is halved, along what acts most.
 
     Args:
@@ -113,14 +113,14 @@ def divided(family: Family, whole: UncertainModel, boxes: int) -> Parts:
         model = todo.pop()
         (middle,) = family.at([model.box.centre])
         if middle is not None and is_unstable(middle):
-            return Parts((), model.box.centre)
+            return ProvedParts((), model.box.centre)
         if needed(model) <= 1.0:
             proved.append(model)
             continue
         if len(proved) + len(todo) + 2 > boxes:
-            return Parts(())
+            return ProvedParts(())
         acts = [
             float(np.linalg.norm(s) + 2.0 * np.linalg.norm(q)) for s, q in zip(model.slopes, model.curves, strict=True)
         ]
         todo += [uncertain_model(family, half) for half in model.box.halves(int(np.argmax(acts)))]
-    return Parts(tuple(proved))
+    return ProvedParts(tuple(proved))

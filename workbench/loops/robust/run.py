@@ -21,9 +21,9 @@ from workbench.jobs.job import Job
 from workbench.loops.loop.cut import INJECTED, PASSED, RETURNED, injected_at
 from workbench.loops.mu.lower import lower_bound
 from workbench.loops.mu.peak import continued, level_at, response_at
-from workbench.loops.robust.family import Family, UncertainParameter
+from workbench.loops.robust.family import LinearFamily, UncertainParameter
 from workbench.loops.robust.gain import worst_gain
-from workbench.loops.robust.prove import Margin, Parts, divided, proved_margin
+from workbench.loops.robust.prove import ProvedMargin, ProvedParts, divided, proved_margin
 from workbench.loops.robust.request import Robust
 from workbench.loops.robust.result import (
     MuPoint,
@@ -51,7 +51,7 @@ _CURVE = 20  # frequencies of the bounds of µ
 
 
 @dataclass(frozen=True, eq=False)
-class _Opened:
+class _OpenedLoops:
     """What is linearised, and how its gain is measured.
 
     Attributes:
@@ -94,7 +94,7 @@ def run(model: Model, request: Robust, job: Job) -> RobustResult:
     with _opened(model, request) as opened:
         begin, remarks = point_in_full(opened.model, replace(request, at=None))
         common = Lin(**begin, method=request.method, inputs=opened.inputs, outputs=opened.outputs)
-        family = Family(
+        family = LinearFamily(
             opened.model, parameters, common, request.place.apart, job, trimmed=not request.hold,
             changed=opened.changed,
         )  # fmt: skip
@@ -103,7 +103,7 @@ def run(model: Model, request: Robust, job: Job) -> RobustResult:
 
 
 def _analysed(
-    model: DescribedModel, request: Robust, opened: _Opened, family: Family, remarks: Sequence[str]
+    model: DescribedModel, request: Robust, opened: _OpenedLoops, family: LinearFamily, remarks: Sequence[str]
 ) -> RobustResult:
     (middle,) = family.at([(0.0,) * len(family.parameters)])
     if middle is None or not is_stable(middle):
@@ -137,18 +137,18 @@ def _analysed(
 
 
 @contextmanager
-def _opened(model: DescribedModel, request: Robust) -> Iterator[_Opened]:
+def _opened(model: DescribedModel, request: Robust) -> Iterator[_OpenedLoops]:
     """Give the model that is linearised."""
     point, remarks = find_point(model, request.at)
     if not request.open:
         started = model if point is None or request.at is None else model.starting_at(point, remarks)
         inputs, outputs = tuple(request.inputs or ()), tuple(request.outputs or ())
         performance = (max(len(inputs), len(outputs)),) if inputs else ()
-        yield _Opened(started, (), inputs, outputs, performance, remarks)
+        yield _OpenedLoops(started, (), inputs, outputs, performance, remarks)
         return
     with injected_at(model, request.open, point=point) as (opened, places, notes):
         numbers = range(1, len(places) + 1)
-        yield _Opened(
+        yield _OpenedLoops(
             opened, tuple(p.label for p in places), tuple(f"{INJECTED}.{k}" for k in numbers),
             tuple(f"{name}.{k}" for name in (RETURNED, PASSED) for k in numbers), (1,) * len(places),
             (*remarks, *notes),
@@ -170,7 +170,9 @@ def _most(request: Robust, parameters: Sequence[UncertainParameter], model: Desc
     return result
 
 
-def _stability(family: Family, margin: Margin, request: Robust) -> tuple[RobustMargin, Parts, UncertainModel]:
+def _stability(
+    family: LinearFamily, margin: ProvedMargin, request: Robust
+) -> tuple[RobustMargin, ProvedParts, UncertainModel]:
     """Return the margin, what is proved of the ranges, and the uncertain model over them."""
     whole = margin.models[1.0]
     most = max(margin.models)
@@ -180,7 +182,7 @@ def _stability(family: Family, margin: Margin, request: Robust) -> tuple[RobustM
         return slowest(matrix, n, whole.dt)
 
     inside, beyond = promising(whole, badness), promising(widest, badness)
-    lower, parts = margin.size, Parts((whole,)) if margin.size >= 1.0 else Parts(())
+    lower, parts = margin.size, ProvedParts((whole,)) if margin.size >= 1.0 else ProvedParts(())
     found = destabilising(family, [*inside, *beyond], lower, margin.most)
     size = math.inf if found is None else max(map(abs, found))
     count = 1
@@ -234,7 +236,7 @@ def _curve(whole: UncertainModel, stability: RobustMargin) -> tuple[MuPoint, ...
     return tuple(sorted(result, key=lambda p: p.frequency_hz))
 
 
-def _disks(opened: _Opened, gain: WorstGain | None) -> tuple[WorstDisk, ...]:
+def _disks(opened: _OpenedLoops, gain: WorstGain | None) -> tuple[WorstDisk, ...]:
     """Return the disk margins that are left: 2 over the gain of S - T."""
     if gain is None or not opened.where:
         return ()
@@ -252,7 +254,7 @@ def _disks(opened: _Opened, gain: WorstGain | None) -> tuple[WorstDisk, ...]:
     )
 
 
-def _told(family: Family, whole: UncertainModel) -> list[str]:
+def _told(family: LinearFamily, whole: UncertainModel) -> list[str]:
     centre = family.centre
     notes = list(centre.notes)
     if centre.delayed is not None:

@@ -13,8 +13,8 @@ from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import Linear
 from workbench.core.values.matrices import balance
 from workbench.errors import SimulationError
-from workbench.loops.mu.blocks import Block
-from workbench.loops.robust.family import Family, Place, stacked
+from workbench.loops.mu.blocks import MuBlock
+from workbench.loops.robust.family import LinearFamily, Place, stacked
 
 __all__ = ["Box", "UncertainModel", "uncertain_model"]
 
@@ -97,7 +97,7 @@ class UncertainModel:
         return tuple(len(_factors(s)[1]) for s in self.slopes)
 
     @cached_property
-    def _channels(self) -> tuple[Floats, Floats, tuple[Block, ...]]:
+    def _channels(self) -> tuple[Floats, Floats, tuple[MuBlock, ...]]:
         lefts, rights, blocks = [], [], []
         for factor, varies, matrices in ((1.0, True, self.slopes), (0.5, False, self.curves)):
             for matrix in matrices:
@@ -105,16 +105,16 @@ class UncertainModel:
                 if len(right):
                     lefts.append(left)
                     rights.append(right)
-                    blocks.append(Block(size=len(right), real=True, varies=varies))
+                    blocks.append(MuBlock(size=len(right), real=True, varies=varies))
         if self.left.shape[1]:
             lefts.append(self.left)
             rights.append(self.right)
-            blocks.append(Block(size=self.left.shape[1], varies=False))
+            blocks.append(MuBlock(size=self.left.shape[1], varies=False))
         rows, columns = self.middle.shape
         empty = np.zeros((rows, 0)), np.zeros((0, columns))
         return np.hstack([empty[0], *lefts]), np.vstack([empty[1], *rights]), tuple(blocks)
 
-    def stability(self) -> tuple[Linear, tuple[Block, ...]]:
+    def stability(self) -> tuple[Linear, tuple[MuBlock, ...]]:
         """Return what the perturbation is in a loop with, and its structure; the model's inputs and outputs are not."""
         left, right, blocks = self._channels
         n = self.states
@@ -122,7 +122,7 @@ class UncertainModel:
         system = Linear(self.middle[:n, :n], left[:n], right[:, :n], np.zeros((size, size)), dt=self.dt)
         return system, blocks
 
-    def with_performance(self, performance: Sequence[int]) -> tuple[Linear, tuple[Block, ...]]:
+    def with_performance(self, performance: Sequence[int]) -> tuple[Linear, tuple[MuBlock, ...]]:
         """Return the same with the model's inputs and outputs behind, as complex blocks whose size is sought.
 
         Inputs or outputs that are fewer are filled up by those that do nothing.
@@ -141,11 +141,11 @@ class UncertainModel:
         b = np.hstack([more_left[:n], widened[:n, n:]])
         c = np.vstack([more_right[:, :n], widened[n:, :n]])
         d = np.block([[np.zeros((size, size)), more_right[:, n:]], [more_left[n:], widened[n:, n:]]])
-        fixed = tuple(Block(size=x.size, real=x.real, varies=False) for x in blocks)
-        return Linear(widened[:n, :n], b, c, d, dt=self.dt), (*fixed, *(Block(size=k) for k in performance))
+        fixed = tuple(MuBlock(size=x.size, real=x.real, varies=False) for x in blocks)
+        return Linear(widened[:n, :n], b, c, d, dt=self.dt), (*fixed, *(MuBlock(size=k) for k in performance))
 
 
-def uncertain_model(family: Family, box: Box, *, seed: int = 0) -> UncertainModel:
+def uncertain_model(family: LinearFamily, box: Box, *, seed: int = 0) -> UncertainModel:
     """Return how the matrices depend on the parameters over a box.
 
     Slope and curvature of each parameter are those between the ends of its range and the middle. What they leave at
