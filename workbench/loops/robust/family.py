@@ -18,7 +18,7 @@ from workbench.point.lin.request import Lin
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.sweep import points_at
 
-__all__ = ["LinearFamily", "Place", "UncertainParameter"]
+__all__ = ["Place", "UncertainFamily", "UncertainParameter"]
 
 Place = tuple[float, ...]  # deviation of each parameter from its middle, in half its range
 
@@ -49,7 +49,7 @@ class UncertainParameter(RecordPart):
         return 0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * deviation
 
 
-class LinearFamily:
+class UncertainFamily:
     """Linear models at deviations of the parameters, each made once.
 
     Args:

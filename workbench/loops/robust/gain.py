@@ -12,7 +12,7 @@ from workbench.core.values.linear import Linear
 from workbench.loops.mu.blocks import MuBlock
 from workbench.loops.mu.peak import Peak, peak
 from workbench.loops.mu.upper import upper_bound
-from workbench.loops.robust.family import LinearFamily, Place
+from workbench.loops.robust.family import Place, UncertainFamily
 from workbench.loops.robust.result import WorstGain
 from workbench.loops.robust.uncertain import UncertainModel
 from workbench.loops.robust.worst import is_unstable, promising
@@ -25,7 +25,7 @@ _SHOWN = 200  # and of the curves
 
 
 def worst_gain(
-    family: LinearFamily, whole: UncertainModel, parts: Sequence[UncertainModel], performance: Sequence[int],
+    family: UncertainFamily, whole: UncertainModel, parts: Sequence[UncertainModel], performance: Sequence[int],
     band: tuple[float, float] | None,
 ) -> WorstGain:  # fmt: skip
     """Return the bounds of the largest gain over frequencies and parameters.

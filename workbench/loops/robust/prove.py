@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.errors import SimulationError
 from workbench.loops.mu.peak import peak
-from workbench.loops.robust.family import LinearFamily, Place
+from workbench.loops.robust.family import Place, UncertainFamily
 from workbench.loops.robust.uncertain import Box, UncertainModel, uncertain_model
 from workbench.loops.robust.worst import is_stable, is_unstable
 
@@ -58,7 +58,7 @@ def needed(model: UncertainModel) -> float:
     return peak(system, blocks).level
 
 
-def proved_margin(family: LinearFamily, most: float) -> ProvedMargin:
+def proved_margin(family: UncertainFamily, most: float) -> ProvedMargin:
     """Return the largest box around the middle that is proved to be stable.
 
     The level that a box needs tells the size of the next one: what grows with it exactly only where the matrices are
@@ -100,7 +100,7 @@ def proved_margin(family: LinearFamily, most: float) -> ProvedMargin:
     return ProvedMargin(best, limit, models, tuple(notes))
 
 
-def divided(family: LinearFamily, whole: UncertainModel, boxes: int) -> ProvedParts:
+def divided(family: UncertainFamily, whole: UncertainModel, boxes: int) -> ProvedParts:
     """Prove the stability over the ranges in parts: what is not proved is halved, along what acts most.
 
     Args:

@@ -21,7 +21,7 @@ from workbench.jobs.job import Job
 from workbench.loops.loop.cut import INJECTED, PASSED, RETURNED, injected_at
 from workbench.loops.mu.lower import lower_bound
 from workbench.loops.mu.peak import continued, level_at, response_at
-from workbench.loops.robust.family import LinearFamily, UncertainParameter
+from workbench.loops.robust.family import UncertainFamily, UncertainParameter
 from workbench.loops.robust.gain import worst_gain
 from workbench.loops.robust.prove import ProvedMargin, ProvedParts, divided, proved_margin
 from workbench.loops.robust.request import Robust
@@ -94,7 +94,7 @@ def run(model: Model, request: Robust, job: Job) -> RobustResult:
     with _opened(model, request) as opened:
         begin, remarks = point_in_full(opened.model, replace(request, at=None))
         common = Lin(**begin, method=request.method, inputs=opened.inputs, outputs=opened.outputs)
-        family = LinearFamily(
+        family = UncertainFamily(
             opened.model, parameters, common, request.place.apart, job, trimmed=not request.hold,
             changed=opened.changed,
         )  # fmt: skip
@@ -103,7 +103,7 @@ def run(model: Model, request: Robust, job: Job) -> RobustResult:
 
 
 def _analysed(
-    model: DescribedModel, request: Robust, opened: _OpenedLoops, family: LinearFamily, remarks: Sequence[str]
+    model: DescribedModel, request: Robust, opened: _OpenedLoops, family: UncertainFamily, remarks: Sequence[str]
 ) -> RobustResult:
     (middle,) = family.at([(0.0,) * len(family.parameters)])
     if middle is None or not is_stable(middle):
@@ -171,7 +171,7 @@ def _most(request: Robust, parameters: Sequence[UncertainParameter], model: Desc
 
 
 def _stability(
-    family: LinearFamily, margin: ProvedMargin, request: Robust
+    family: UncertainFamily, margin: ProvedMargin, request: Robust
 ) -> tuple[RobustMargin, ProvedParts, UncertainModel]:
     """Return the margin, what is proved of the ranges, and the uncertain model over them."""
     whole = margin.models[1.0]
@@ -254,7 +254,7 @@ def _disks(opened: _OpenedLoops, gain: WorstGain | None) -> tuple[WorstDisk, ...
     )
 
 
-def _told(family: LinearFamily, whole: UncertainModel) -> list[str]:
+def _told(family: UncertainFamily, whole: UncertainModel) -> list[str]:
     centre = family.centre
     notes = list(centre.notes)
     if centre.delayed is not None:

@@ -14,7 +14,7 @@ from workbench.core.values.linear import Linear
 from workbench.core.values.matrices import balance
 from workbench.errors import SimulationError
 from workbench.loops.mu.blocks import MuBlock
-from workbench.loops.robust.family import LinearFamily, Place, stacked
+from workbench.loops.robust.family import Place, UncertainFamily, stacked
 
 __all__ = ["Box", "UncertainModel", "uncertain_model"]
 
@@ -145,7 +145,7 @@ class UncertainModel:
         return Linear(widened[:n, :n], b, c, d, dt=self.dt), (*fixed, *(MuBlock(size=k) for k in performance))
 
 
-def uncertain_model(family: LinearFamily, box: Box, *, seed: int = 0) -> UncertainModel:
+def uncertain_model(family: UncertainFamily, box: Box, *, seed: int = 0) -> UncertainModel:
     """Return how the matrices depend on the parameters over a box.
 
     Slope and curvature of each parameter are those between the ends of its range and the middle. What they leave at

@@ -12,7 +12,7 @@ from scipy.optimize import minimize
 from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import Linear
 from workbench.core.values.poles import continuous, damped_frequency_hz, growth_rates, sides
-from workbench.loops.robust.family import LinearFamily, Place
+from workbench.loops.robust.family import Place, UncertainFamily
 from workbench.loops.robust.result import WorstPlace
 from workbench.loops.robust.uncertain import UncertainModel
 
@@ -85,7 +85,7 @@ def _rounding(linear: Linear) -> float:
     return 100.0 * np.finfo(float).eps * float(np.linalg.norm(linear.A)) if len(linear.A) else 0.0
 
 
-def destabilising(family: LinearFamily, shares: Sequence[Floats], least: float, most: float) -> Place | None:
+def destabilising(family: UncertainFamily, shares: Sequence[Floats], least: float, most: float) -> Place | None:
     """Return the smallest deviations found at which the model itself is unstable; None: at none that was tried.
 
     The model is linearised along each direction, from the size that is proved on, then between the last stable and
@@ -136,7 +136,7 @@ def _size(place: Place) -> float:
     return max(map(abs, place), default=0.0)
 
 
-def worst_place(family: LinearFamily, place: Place) -> WorstPlace:
+def worst_place(family: UncertainFamily, place: Place) -> WorstPlace:
     """Return what is told of a parameter set.
 
     Args:
