@@ -116,9 +116,6 @@ def readings(requirement: Requirement, member: Member) -> list[Distance]:
     return result
 
 
-# -- poles -----------------------------------------------------------------------------------------
-
-
 def _of_poles(
     member: Member, value: Callable[[complex], tuple[float, complex]], band: Sequence[float] | None = None
 ) -> Iterator[Distance]:
@@ -270,9 +267,6 @@ def _variance(requirement: TransferNorm, member: Member) -> Iterator[Distance]:
     yield Distance(norm if not np.any(part.D) else math.inf, weight, 1.0)
 
 
-# -- loops -----------------------------------------------------------------------------------------
-
-
 def _part(system: Linear) -> LinearPart:
     return LinearPart(system.A, system.B, system.C, system.D)
 
@@ -347,9 +341,6 @@ def _disk_margin(_: Requirement, member: Member) -> Iterator[Distance]:
 
 def _closed_grid(loop: LinearPart) -> Floats:
     return np.union1d(_grid(loop), _grid(loop.sensitivity()))
-
-
-# -- single responses ------------------------------------------------------------------------------
 
 
 def _places(requirement: OfResponse, system: Linear) -> tuple[int, int]:
