@@ -19,7 +19,7 @@ from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import Linear
 from workbench.errors import InputError
 from workbench.point.lin.interpolation import KINDS, Axis, coefficients, products
-from workbench.point.lin.varying_error import Reference
+from workbench.point.lin.varying_error import FoundModel
 from workbench.point.lin.varying_result import VaryingModel
 
 LAG = "fmu:FirstOrderLag"
@@ -72,7 +72,7 @@ def largest(varying: VaryingModel, truth: dict[tuple[float, ...], Linear]) -> Fl
     rest, found = np.zeros(1), []
     for point, linear in truth.items():
         other = varying.at(dict(zip(varying.grid, point, strict=True)))
-        found.append(Reference(linear, rest).errors(other, rest, rest).values[:3])
+        found.append(FoundModel(linear, rest).errors(other, rest, rest).values[:3])
     return np.asarray(np.max(found, axis=0))
 
 

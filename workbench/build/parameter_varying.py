@@ -53,11 +53,11 @@ def varying_state_space(varying: VaryingModel, matrices: StateSpaceFile, name: s
     """
     words = f"Linear model of {varying.model}, order {len(varying.state_names)}, varying with {', '.join(varying.grid)}"
     model = ScalarModel(name, words, ExpressionGraph())
-    return _Builder(matrices=matrices, model=model, varying=varying).run()
+    return _VaryingBuilder(matrices=matrices, model=model, varying=varying).run()
 
 
 @dataclass(kw_only=True)
-class _Builder(Builder):
+class _VaryingBuilder(Builder):
     varying: VaryingModel
     basis: list[int] = field(default_factory=list)
     scheduled: list[int] = field(default_factory=list)

@@ -21,7 +21,7 @@ from workbench.point.lin.request import Lin, LinVarying
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.sweep import check_varied, points_at
 from workbench.point.lin.task import NOT_AT_REST, point_in_full
-from workbench.point.lin.varying_error import SLOW, Reference, VaryingErrors
+from workbench.point.lin.varying_error import SLOW, FoundModel, VaryingErrors
 from workbench.point.lin.varying_result import MATRICES, HeldOut, SchedulingParameter, VaryingModel
 
 __all__ = ["run"]
@@ -44,7 +44,7 @@ _ROUNDING = {"difference": 1e-6, "kalman-bertram": 1e-6}
 
 def run(model: Model, request: LinVarying, job: Job) -> VaryingModel:
     """Find a parameter-varying model; see `LinVarying`."""
-    family = _Family(model, request, job)
+    family = _Linearised(model, request, job)
     grid = [list(_START) for _ in family.parameters]
     tried = _probes(len(grid))
     while True:
@@ -64,7 +64,7 @@ def run(model: Model, request: LinVarying, job: Job) -> VaryingModel:
 # -- linear models -----------------------------------------------------------------------------
 
 
-class _Family:
+class _Linearised:
     """Linear models at places of the box, each made once."""
 
     def __init__(self, model: Model, request: LinVarying, job: Job) -> None:
@@ -79,7 +79,7 @@ class _Family:
             free = tuple(v.name for v in model.inputs if v.is_number and v.name not in request.over)
             self._common = replace(self._common, inputs=free)
         self.check_inputs(self._common.inputs or ())
-        self._known: dict[Place, Reference] = {}
+        self._known: dict[Place, FoundModel] = {}
         self.first: LinResult | None = None
         self.notes = dict[str, None]()
         self.trimmed = False
@@ -121,7 +121,7 @@ class _Family:
         """Return parameter → value at a place."""
         return dict(zip(self.request.over, self.value(place), strict=True))
 
-    def at(self, places: Iterable[Place]) -> list[Reference]:
+    def at(self, places: Iterable[Place]) -> list[FoundModel]:
         """Return the linear models at places."""
         wanted = list(places)
         fresh = [p for p in dict.fromkeys(wanted) if p not in self._known]
@@ -150,7 +150,7 @@ class _Family:
         rest = [point.x.get(n, 0.0) for n in result.state_names]
         rest += [point.u.get(n, 0.0) for n in result.input_names]
         rest += [{**point.x, **point.y}.get(n, 0.0) for n in result.output_names]
-        self._known[place] = Reference(result, np.array(rest))
+        self._known[place] = FoundModel(result, np.array(rest))
         self.notes |= dict.fromkeys(result.notes)
 
     def table(self, grid: Sequence[Sequence[Fraction]]) -> Floats:
@@ -187,14 +187,14 @@ def _probes(count: int) -> list[Place]:
 # -- a model over a grid -----------------------------------------------------------------------
 
 
-def _best(family: _Family, grid: Sequence[Sequence[Fraction]], tried: Sequence[Place]) -> VaryingModel:
+def _best(family: _Linearised, grid: Sequence[Sequence[Fraction]], tried: Sequence[Place]) -> VaryingModel:
     """Return the model over a grid by the interpolation that is better at the points that are tried."""
     whole = all(len({b - a for a, b in itertools.pairwise(thetas)}) == 1 for thetas in grid)
     models = [_model(family, grid, kind) for kind in KINDS if whole or kind == "spline"]
     return min(models, key=lambda found: _worst(family.errors(found, tried)))
 
 
-def _model(family: _Family, grid: Sequence[Sequence[Fraction]], kind: str) -> VaryingModel:
+def _model(family: _Linearised, grid: Sequence[Sequence[Fraction]], kind: str) -> VaryingModel:
     references = family.at(itertools.product(*grid))
     linear = family.linear
     rest = np.array([r.rest for r in references])
@@ -213,7 +213,7 @@ def _model(family: _Family, grid: Sequence[Sequence[Fraction]], kind: str) -> Va
     )  # fmt: skip
 
 
-def _refined(family: _Family, found: VaryingModel, grid: Sequence[Sequence[Fraction]]) -> list[list[Fraction]]:
+def _refined(family: _Linearised, found: VaryingModel, grid: Sequence[Sequence[Fraction]]) -> list[list[Fraction]]:
     """Return a finer grid: the parameter is refined whose nodes are foretold worst by every second one of them."""
     table = family.table(grid)
     size = np.abs(table).max(axis=0)
@@ -244,7 +244,7 @@ def _left_out(table: Floats, found: VaryingModel, i: int) -> Floats:
 # -- what it is worth --------------------------------------------------------------------------
 
 
-def _check(family: _Family, found: VaryingModel, grid: Sequence[Sequence[Fraction]]) -> dict[Place, VaryingErrors]:
+def _check(family: _Linearised, found: VaryingModel, grid: Sequence[Sequence[Fraction]]) -> dict[Place, VaryingErrors]:
     """Return the errors between all neighbours of the grid, and on the way from the worst of them to worse ones."""
     doubled = [sorted([*t, *((a + b) / 2 for a, b in itertools.pairwise(t))]) for t in grid]
     inside = set(itertools.product(*grid))
@@ -269,7 +269,7 @@ def _first_step(grid: Sequence[Sequence[Fraction]]) -> list[Fraction]:
     return [Fraction(1, 4 * (len(thetas) - 1)) for thetas in grid]
 
 
-def _meetings(family: _Family, found: VaryingModel) -> list[Place]:
+def _meetings(family: _Linearised, found: VaryingModel) -> list[Place]:
     """Return places at which poles are most sensitive to the entries of A, as where two of them meet.
 
     There their errors have narrow peaks, which points beside them miss. The model itself tells where.
@@ -286,7 +286,7 @@ def _meetings(family: _Family, found: VaryingModel) -> list[Place]:
     return result
 
 
-def _climbed(family: _Family, found: VaryingModel, best: Place, height: float) -> Place:
+def _climbed(family: _Linearised, found: VaryingModel, best: Place, height: float) -> Place:
     """Return a place beside one where poles are most sensitive."""
     step = [Fraction(1, 2 * _TRIED)] * len(best)
     while step[0] > _NARROW:
@@ -319,7 +319,7 @@ def _beside(place: Place, step: Sequence[Fraction]) -> list[Place]:
     return [(*place[:i], min(max(at, Fraction(0)), Fraction(1)), *place[i + 1 :]) for i, at in moved]
 
 
-def _stated(family: _Family, found: VaryingModel, checked: dict[Place, VaryingErrors]) -> VaryingModel:
+def _stated(family: _Linearised, found: VaryingModel, checked: dict[Place, VaryingErrors]) -> VaryingModel:
     """Return the model with the errors that it promises."""
     least = _ROUNDING.get(found.method, 1e-9)
     largest = np.max([e.values for e in checked.values()], axis=0)

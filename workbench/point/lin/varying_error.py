@@ -13,7 +13,7 @@ from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import Linear
 from workbench.core.values.matrices import held, resolvent
 
-__all__ = ["SLOW", "Reference", "VaryingErrors"]
+__all__ = ["SLOW", "FoundModel", "VaryingErrors"]
 
 SLOW = 1e-4  # of the fastest pole: slower ones are compared with that, as a double pole at 0 is known to 1e-8 only
 _SMALL = 1e-3  # of a channel's largest gain: what is below is compared with that
@@ -50,7 +50,7 @@ class VaryingErrors(RecordPart):
         return tuple(getattr(self, f.name) for f in fields(self))
 
 
-class Reference:
+class FoundModel:
     """A linear model that was found at a point, which interpolated ones are compared with.
 
     Args:
