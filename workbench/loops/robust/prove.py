@@ -93,7 +93,7 @@ def proved_margin(family: UncertainFamily, most: float) -> ProvedMargin:
         # What the level suggests, unless that is known already: then between what is proved and what is not.
         following = min(limit, size / level * _BELOW if level > 0.0 else limit)
         if not best * (1.0 + _CLOSE) < following < refused:
-            following = math.sqrt(best * refused) if best > 0.0 else 0.5 * size
+            following = math.sqrt(best * min(refused, limit)) if best > 0.0 else 0.5 * size
         if refused <= best * (1.0 + _CLOSE) or (best > 0.0 and following <= best * (1.0 + _CLOSE)):
             break
         size = following
