@@ -20,7 +20,7 @@ from workbench.errors import InputError
 from workbench.jobs.job import Job
 from workbench.loops.loop.cut import INJECTED, PASSED, RETURNED, injected_at
 from workbench.loops.mu.lower import lower_bound
-from workbench.loops.mu.peak import continued, level_at, response_at
+from workbench.loops.mu.peak import continued, level_at, peak, response_at
 from workbench.loops.robust.family import UncertainFamily, UncertainParameter
 from workbench.loops.robust.gain import worst_gain
 from workbench.loops.robust.prove import ProvedMargin, ProvedParts, divided, proved_margin
@@ -218,7 +218,9 @@ def _curve(whole: UncertainModel, stability: RobustMargin) -> tuple[MuPoint, ...
     low, high = (natural.min() / 10.0, natural.max() * 10.0) if len(natural) else (0.1, 10.0)
     high = min(high, system.highest_hz * (1.0 - 1e-6))
     worst = stability.worst
-    shown = np.unique([*np.geomspace(max(low, 1e-6 * high), high, _CURVE), *natural[natural < high]])
+    highest = [peak(system, blocks).frequency_hz] if stability.lower > 0.0 else []  # the grid would miss it
+    seen = [f for f in highest if 0.0 < f < high]
+    shown = np.unique([*np.geomspace(max(low, 1e-6 * high), high, _CURVE), *natural[natural < high], *seen])
     slopes = [k for k, b in enumerate(blocks) if b.varies]
     width = sum(blocks[k].size for k in slopes)
     result = []
