@@ -148,8 +148,8 @@ def test_the_loop_is_opened_where_the_point_has_its_signal(lags: Path, held: Pat
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--at", "{held}"], f"--open is missing: {OPEN}"),
-        ([], f"--open is missing: {OPEN}"),
+        (["--at", "{held}"], "Missing option '--open'; workbench loop --help has an example"),
+        ([], "Missing option '--open'; workbench loop --help has an example"),
         (["--open", "k.y", "--at", "{held}", "--trim"], "--at and --trim: only one of them"),
         (
             ["--open", "k.y", "--at", "none.json"],

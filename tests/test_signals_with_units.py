@@ -170,7 +170,6 @@ def test_options_in_units_of_a_variable(
         ("trim --fix del=0,02", "--fix: del: '0,02' has a comma for its decimals; write a point, as in 0.02"),
         ("trim --bound delC=-5:5deg", "--bound: delC: '5deg' has a unit, and '-5' beside it has none"),
         ("lin --u0 delC=2K", "--u0: delC: 'K' does not convert to its unit, deg"),
-        ("lin --over mass=1:2", "--over: mass: '1:2' is not a number"),
         ("modes --vary m=1kg:2kg", "--vary: m: '1kg' is not a number"),
         ("branches --input delC --output del --freq 1 --vary m=1kg:2kg", "--vary: m: '1kg' is not a number"),
     ],

@@ -428,7 +428,7 @@ def models(tmp_path: Path) -> Iterator[Path]:
     os.chdir(before)
 
 
-def test_a_model_that_stays_open_answers_as_one_opened_anew(models: Path) -> None:
+def test_a_model_that_stays_open_answers_as_one_opened_anew(models: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Parameters of FMUs and blocks, arrays, items, units, sizes and what is wrong, in any order, twice."""
     sized = next(f.name for f in models.glob("*.fmu") if f.name != "plant.fmu")
     asked: list[tuple[str, dict[str, Any]]] = [
@@ -447,6 +447,7 @@ def test_a_model_that_stays_open_answers_as_one_opened_anew(models: Path) -> Non
         (sized, {"mode": "flying"}),
         (sized, {}),
     ]
+    monkeypatch.setattr(worker, "_open", [])
     anew = [answered(models, subject, given, {}) for subject, given in asked]
     assert not worker._open
     for _ in range(2):

@@ -107,7 +107,7 @@ class UncertainFamily:
         self._make([middle])
         if middle in self.failed:
             words = ", ".join(f"{name} = {value:g}" for name, value in self.values(middle).items())
-            hint = "; give --hold to keep the operating point as the parameters move" if self._trimmed else ""
+            hint = "; `hold=True` keeps the operating point as the parameters move" if self._trimmed else ""
             raise SimulationError(f"robust: there is no linear model in the middle of the ranges ({words}): "
                                   f"{self.failed[middle]}{hint}")  # fmt: skip
         return self._newest

@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
-from scipy.interpolate import BSpline, PPoly
 
 from workbench.core.values.arrays import Floats
 
@@ -45,6 +44,8 @@ class Axis:
         if self.kind == "chebyshev":
             return np.asarray(chebvander((2.0 * held - low - high) / (high - low), len(self.nodes) - 1))
         knots, degree = self.knots
+        from scipy.interpolate import BSpline  # noqa: PLC0415 - slow to import
+
         return np.asarray(BSpline.design_matrix(held, knots, degree).toarray())
 
     @property
@@ -66,6 +67,8 @@ class Axis:
         Each function comes with its number and its polynomial in the distance from the begin, highest power first.
         """
         knots, degree = self.knots
+        from scipy.interpolate import BSpline, PPoly  # noqa: PLC0415 - slow to import
+
         every = [PPoly.from_spline(BSpline(knots, row, degree)) for row in np.eye(len(self.nodes))]
         result = []
         for i, (begin, end) in enumerate(zip(knots[:-1].tolist(), knots[1:].tolist(), strict=True)):
