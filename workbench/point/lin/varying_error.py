@@ -6,7 +6,6 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from workbench.core.records.record import RecordPart
 from workbench.core.values.arrays import Complex, Floats
@@ -81,6 +80,8 @@ class ReferenceModel:
         return np.concatenate([each[0], np.ones(self.linear.B.shape[1]), each[1]])
 
     def _poles(self, other: Linear) -> float:
+        from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - slow to import
+
         size = np.abs(self.linear.poles)
         apart = np.abs(self.linear.poles[:, None] - other.poles)
         rows, columns = linear_sum_assignment(apart)
