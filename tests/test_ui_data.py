@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from tests.ui_server import Ui, browser_workbench
+from tests.ui_server import REST_STUDY, Ui, browser_workbench
 from workbench.ui.recorded import thinned
 
 pytest.importorskip("starlette", reason="the extra 'ui' is not installed")
@@ -99,21 +99,8 @@ def test_a_model_is_identified_from_a_file(ui: Ui) -> None:
 
 # -- studies --------------------------------------------------------------------------------------------
 
-STUDY = """
-models.lag = "fmu:FirstOrderLag"
-
-[analyses.rest]
-command = "trim"
-model = "lag"
-u0 = {u = 2.0}
-
-[[requirements]]
-name = "gain"
-analysis = "rest"
-kind = "value"
-path = "y.y"
-max = 2.5
-
+STUDY = f"""
+{REST_STUDY}
 [[requirements]]
 name = "more"
 analysis = "rest"

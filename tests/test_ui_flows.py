@@ -13,7 +13,7 @@ import pytest
 
 import workbench as wb
 from tests.ui_pages import expect, look, picture
-from tests.ui_server import Ui, browser_workbench
+from tests.ui_server import REST_STUDY, Ui, browser_workbench
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -21,20 +21,6 @@ if TYPE_CHECKING:
 pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 pytest.importorskip("starlette", reason="the extra 'ui' is not installed")
 
-STUDY = """models.lag = "fmu:FirstOrderLag"
-
-[analyses.rest]
-command = "trim"
-model = "lag"
-u0 = {u = 2.0}
-
-[[requirements]]
-name = "gain"
-analysis = "rest"
-kind = "value"
-path = "y.y"
-max = 2.5
-"""
 LEFT, RIGHT = 68, 14  # beside the axes of a picture [pixel]
 
 
@@ -42,7 +28,7 @@ LEFT, RIGHT = 68, 14  # beside the axes of a picture [pixel]
 def ui(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ui]:
     folder = tmp_path_factory.mktemp("root")
     record(folder / "lag.csv")
-    (folder / "study.toml").write_text(STUDY)
+    (folder / "study.toml").write_text(REST_STUDY)
     loop = (Path(__file__).resolve().parents[1] / "systems" / "rudder_loop.toml").read_text()
     (folder / "loop.toml").write_text(loop)
     with browser_workbench(folder) as server:
@@ -128,6 +114,7 @@ def test_a_block_goes_into_the_wire_that_is_chosen(page: Page, ui: Ui) -> None:
     )
     page.locator("button", has_text="+ notch").drag_to(page.locator(".drawing"), target_position={"x": x, "y": y})
     expect(page.get_by_role("button", name="wire from notch.y to plant.delC")).to_have_count(1)
+    assert boxes.count() == before + 2
     picture(page, "wires")
 
 

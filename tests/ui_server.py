@@ -17,10 +17,26 @@ import matplotlib as mpl
 
 from tests.programs import start
 
-__all__ = ["POINTS", "ROOT", "Answer", "Ui", "browser_workbench"]
+__all__ = ["POINTS", "REST_STUDY", "ROOT", "Answer", "Ui", "browser_workbench"]
 
 ROOT = Path(__file__).resolve().parents[1]
 POINTS = {"input": "delC", "output": "del", "frequencies": "1,2,4", "amplitudes": "1"}  # of the rudder, soon measured
+
+# A study of one analysis and one requirement, which is met.
+REST_STUDY = """models.lag = "fmu:FirstOrderLag"
+
+[analyses.rest]
+command = "trim"
+model = "lag"
+u0 = {u = 2.0}
+
+[[requirements]]
+name = "gain"
+analysis = "rest"
+kind = "value"
+path = "y.y"
+max = 2.5
+"""
 
 
 @dataclass(frozen=True)
