@@ -94,18 +94,18 @@ def readings(requirement: Requirement, member: Member) -> list[Distance]:
     Raises:
         InputError: no such input or output.
     """
-    found = _READERS[type(requirement)](requirement, member)
+    reader = _READERS[type(requirement)]
     if not isinstance(requirement, Limited):
-        return list(found)
+        return list(reader(requirement, member))
     unit = requirement.units[0]
     own = requirement.unit or unit
     low, high, equal = ((None if x is None else convert(float(x), own, unit, requirement.name)) for x in (
         requirement.min, requirement.max, requirement.equal))  # fmt: skip
     if isinstance(requirement, Bandwidth) and equal is None:
-        return [*_reaches(requirement, member, low), *_ends_before(requirement, member, high)]
+        return _within(requirement, member, low, high)
     width = requirement.tolerance if requirement.relative is None else requirement.relative * abs(equal or 0.0)
     result = []
-    for r in found:
+    for r in reader(requirement, member):
         if low is not None:
             result.append(Distance(r.value - low, r.weight, r.place))
         if high is not None:
@@ -441,15 +441,13 @@ def _above(requirement: Bandwidth, member: Member, hz: float) -> list[Distance]:
     return [Distance(part * r.value, part * (r.weight - own), r.place) for r in found]
 
 
-def _reaches(requirement: Bandwidth, member: Member, low: float | None) -> list[Distance]:
-    return [] if low is None else _above(requirement, member, low)
-
-
-def _ends_before(requirement: Bandwidth, member: Member, high: float | None) -> list[Distance]:
-    if high is None:
-        return []
-    least = min(_above(requirement, member, high), key=lambda r: r.value)
-    return [Distance(-least.value, -least.weight, least.place)]
+def _within(requirement: Bandwidth, member: Member, low: float | None, high: float | None) -> list[Distance]:
+    """Return the distances inside the limits of a bandwidth: above the level up to the lower, below it by the upper."""
+    result = [] if low is None else _above(requirement, member, low)
+    if high is not None:
+        least = min(_above(requirement, member, high), key=lambda r: r.value)
+        result.append(Distance(-least.value, -least.weight, least.place))
+    return result
 
 
 def _bandwidth(requirement: Requirement, member: Member) -> Iterator[Distance]:
