@@ -99,3 +99,13 @@ def pytest_fixture_setup() -> Generator[None, object, object]:
     """Leave it so where a fixture is made, too: the test goes on with the worker processes that made it."""
     os.environ.pop("PYTEST_CURRENT_TEST", None)
     return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown(item: pytest.Item) -> Generator[None, object, object]:
+    """Begin every test in the same folder: one that goes elsewhere (a worker's task, called here) is told."""
+    done = yield
+    there, here = Path.cwd(), item.config.invocation_params.dir
+    os.chdir(here)
+    assert there == here
+    return done

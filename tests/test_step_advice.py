@@ -61,7 +61,7 @@ def build(folder: Path, method: str) -> Path:
     return write_stub(folder / f"{method}.fmu", "methods", text)
 
 
-def line(path: Path, name: str, *, interface: str = "cs") -> HealthLine:
+def line(path: str | Path, name: str, *, interface: str = "cs") -> HealthLine:
     return check(path, only=[name], interface=interface, workers=HERE).line(name, "cs")
 
 
@@ -119,7 +119,7 @@ def test_a_step_that_only_moving_inputs_show() -> None:
 
 
 def test_a_step_whose_effect_is_not_seen_is_unknown() -> None:
-    resting = line(Path("fmus/fmi2/Hysteresis.fmu"), "step")
+    resting = line("fmu:Hysteresis", "step")
     assert (resting.verdict, resting.numbers) == ("not applicable", {})
     assert resting.evidence.startswith("unknown at 0.002 s: nothing moves")
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
@@ -421,11 +420,9 @@ def models(tmp_path: Path) -> Iterator[Path]:
     build_sized(tmp_path)
     (tmp_path / "loop.toml").write_text(LOOP, encoding="utf-8")
     (tmp_path / "out").mkdir()
-    before = Path.cwd()
     yield tmp_path
     while worker._open:
         worker._open.pop()[1].close()
-    os.chdir(before)
 
 
 def test_a_model_that_stays_open_answers_as_one_opened_anew(models: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import platform
 import time
 import traceback
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import chdir, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -75,11 +74,10 @@ def perform(_model: None, job: CommandJob) -> Iterator[RunResult]:
             kind=WorkbenchError.kind,
         )
         return
-    os.chdir(job.folder)
     known = command(job.command)
     begin = time.monotonic()
     try:
-        with one_thread():  # others of this study have the other cores
+        with chdir(job.folder), one_thread():  # others of this study have the other cores
             outcome = _by_request(known, job)
     except WorkbenchError as error:
         outcome = RunResult(reason=error.args[0], kind=error.kind)

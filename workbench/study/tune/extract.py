@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import chdir
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -69,11 +69,11 @@ class ExtractJob:
 
 def extract(_model: None, job: ExtractJob) -> Iterator[Extracted]:
     """Linearise and yield what was found, once."""
-    os.chdir(job.folder)
     try:
-        request, _, loading = command(job.command).asked(job.options)
-        with one_thread(), request.opened(job.subject, loading) as (model, _notes):
-            found = _of_loop(model, request, job) if isinstance(request, Loop) else _of_lin(model, request, job)
+        with chdir(job.folder), one_thread():
+            request, _, loading = command(job.command).asked(job.options)
+            with request.opened(job.subject, loading) as (model, _notes):
+                found = _of_loop(model, request, job) if isinstance(request, Loop) else _of_lin(model, request, job)
     except WorkbenchError as error:
         found = Extracted(None, reason=str(error))
     yield found
