@@ -145,11 +145,18 @@ def test_the_loop_is_opened_where_the_point_has_its_signal(lags: Path, held: Pat
             assert found.value == pytest.approx(0.02 * 20.0 / 21.0)
 
 
+OPENED = (
+    "Missing option '--open' (Connection at which the loop is opened: a source 'plant.y' (all its connections), an "
+    "input 'controller.u' (the connection to it), one connection 'plant.y -> controller.u', or an output of the system); "
+    "workbench loop --help has an example"
+)
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--at", "{held}"], "Missing option '--open'; workbench loop --help has an example"),
-        ([], "Missing option '--open'; workbench loop --help has an example"),
+        (["--at", "{held}"], OPENED),
+        ([], OPENED),
         (["--open", "k.y", "--at", "{held}", "--trim"], "--at and --trim: only one of them"),
         (
             ["--open", "k.y", "--at", "none.json"],

@@ -88,7 +88,11 @@ def test_a_step_that_matters_is_warned_of(capsys: pytest.CaptureFixture[str]) ->
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["nfr"], "Missing argument 'MODEL'; workbench nfr --help has an example"),
+        (
+            ["nfr"],
+            "Missing argument 'MODEL' (FMU file or folder, fmu:NAME[@3], or a system: .toml, .ssp, system:NAME); "
+            "workbench nfr --help has an example",
+        ),
         (["nosuch"], "No such command 'nosuch'"),
         ([*LAG, "--freq"], "requires an argument"),
         ([*LAG, "--freq", "1", "--json", "--plot", "x.png"], "--json needs a value, but --plot follows"),

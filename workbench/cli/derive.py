@@ -250,13 +250,15 @@ def _argument(requests: Sequence[type[Request[Any, Any]]]) -> click.Argument:
     subject, several = requests[0].subject, any(r.subject.several for r in requests)
     optional = any(r.subject.optional for r in requests)
     metavar = f"{subject.metavar}.." if several and not subject.several else subject.metavar
-    metavar += f" {subject.rest.upper()}.." if subject.rest else ""
+    words = " Or: ".join(dict.fromkeys(request.subject.words for request in requests))
+    if subject.rest:
+        metavar, words = f"{metavar} {subject.rest.upper()}..", f"{words} Behind it: what --{subject.rest} takes."
     return click.Argument(
         [_SUBJECT],
         nargs=-1 if several or subject.rest else 1,
         required=not optional,
         metavar=f"[{metavar}]" if optional else metavar,
-        help=" Or: ".join(dict.fromkeys(request.subject.words for request in requests)),
+        help=words,
     )
 
 

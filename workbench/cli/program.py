@@ -172,8 +172,9 @@ def said(error: click.ClickException) -> str:
     where = getattr(error, "ctx", None)
     if isinstance(error, click.NoSuchOption) and where is not None:
         text = _no_such(error.option_name, where)
-    if text.startswith("Missing ") and where is not None:
-        text = f"{text.rstrip('.')}; {where.command_path} --help has an example"
+    if isinstance(error, click.MissingParameter) and where is not None:
+        meant = str(getattr(error.param, "help", None)).split(". ")[0].rstrip(".")
+        text = f"{text.rstrip('.')} ({meant}); {where.command_path} --help has an example"
     return re.sub(_NO_PARTS, r"\1: this command has no parts that could run on a cluster; leave it out", text)
 
 
