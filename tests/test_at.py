@@ -146,9 +146,9 @@ def test_the_loop_is_opened_where_the_point_has_its_signal(lags: Path, held: Pat
 
 
 OPENED = (
-    "Missing option '--open' (Connection at which the loop is opened: a source 'plant.y' (all its connections), an "
-    "input 'controller.u' (the connection to it), one connection 'plant.y -> controller.u', or an output of the system); "
-    "workbench loop --help has an example"
+    "Missing option '--open' (Connection at which the loop is opened: a source 'plant.y' (all its connections), "
+    "an input 'controller.u' (the connection to it), one connection 'plant.y -> controller.u', "
+    "or an output of the system); workbench loop --help has an example"
 )
 
 

@@ -90,8 +90,7 @@ def test_a_step_that_matters_is_warned_of(capsys: pytest.CaptureFixture[str]) ->
     [
         (
             ["nfr"],
-            "Missing argument 'MODEL' (FMU file or folder, fmu:NAME[@3], or a system: .toml, .ssp, system:NAME); "
-            "workbench nfr --help has an example",
+            "Missing argument 'MODEL' (FMU file or folder, fmu:NAME[@3], or a system: .toml, .ssp, system:NAME)",
         ),
         (["nosuch"], "No such command 'nosuch'"),
         ([*LAG, "--freq"], "requires an argument"),
