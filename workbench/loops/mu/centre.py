@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, cholesky, eigh, solve_triangular
+from scipy.linalg import LinAlgError, eigh
 
 from workbench.core.values.arrays import Complex, Floats
 from workbench.loops.mu.blocks import MuBlock, places
@@ -74,49 +74,47 @@ class _CentreSearch:
     def __init__(self, matrix: Complex, blocks: Sequence[MuBlock]) -> None:
         n = len(matrix)
         back = matrix.conj().T
-        self._matrix = matrix
-        self._d = np.array([_placed(n, at, e) for at, e in _basis(blocks, real_only=False)])
-        turns = [_placed(n, at, e) for at, e in _basis(blocks, real_only=True)]
-        self._g = np.array(turns) if turns else np.zeros((0, n, n), dtype=np.complex128)
-        self._fixed = np.array([back @ e @ matrix for e in self._d])
-        self._turned = np.array([1j * (e @ matrix - back @ e) for e in self._g]).reshape(-1, n, n)
-        self._trace = np.concatenate([np.trace(self._d, axis1=1, axis2=2).real, np.zeros(len(self._g))])
+        d = [_placed(n, at, e) for at, e in _basis(blocks, real_only=False)]
+        g = [_placed(n, at, e) for at, e in _basis(blocks, real_only=True)]
+        self._basis = np.array([*d, *g])
+        self._turns = np.arange(len(self._basis)) >= len(d)  # those of G
+        # What each coordinate adds to D, and to Mᴴ D M + j (G M - Mᴴ G).
+        self._own = np.where(self._turns[:, None, None], 0.0, self._basis)
+        self._left = np.array([back @ e @ matrix for e in d] + [1j * (e @ matrix - back @ e) for e in g])
+        self._trace = np.trace(self._own, axis1=1, axis2=2).real
+        self._bent = np.where(self._turns, _LARGEST_G**-2, 0.0)
 
     def coordinates(self, d: Complex, g: Complex) -> Floats:
         """Return those of D and G; the elements of the basis are orthogonal."""
-        parts = [np.einsum("kij,ij->k", e.conj(), m).real / np.einsum("kij,kij->k", e.conj(), e).real
-                 for e, m in ((self._d, d), (self._g, g)) if len(e)]  # fmt: skip
-        return np.concatenate(parts)
+        e = self._basis.conj()
+        onto = [np.einsum("kij,ij->k", e, m).real for m in (d, g)]
+        sizes = np.einsum("kij,kij->k", e, self._basis).real
+        return np.asarray(np.where(self._turns, onto[1], onto[0]) / sizes)
 
     def matrices(self, x: Floats) -> tuple[Complex, Complex]:
         """Return D and G."""
-        k = len(self._d)
-        return np.tensordot(x[:k], self._d, 1), np.tensordot(x[k:], self._g, 1)
+        return _sum(x, self._own), _sum(np.where(self._turns, x, 0.0), self._basis)
 
     def least(self, x: Floats) -> float:
         """Return the least t, the square of the bound."""
-        k = len(self._d)
-        left = np.tensordot(x[:k], self._fixed, 1) + np.tensordot(x[k:], self._turned, 1)
         try:
-            return max(float(eigh(left, self.matrices(x)[0], eigvals_only=True)[-1]), 0.0)
-        except (LinAlgError, ValueError):
+            values = eigh(_sum(x, self._left), _sum(x, self._own), eigvals_only=True, check_finite=False)
+        except LinAlgError:
             return np.inf
+        return max(float(values[-1]), 0.0) if np.isfinite(values).all() else np.inf
 
     def step(self, x: Floats, t: float) -> tuple[Floats, float]:
         """Return the coordinates after a damped step of Newton's method, the trace of D as it was; and its size."""
         inside = self._factors(x, t)
         if inside is None:
             return x, 0.0
-        f, d = inside
-        k = len(self._d)
-        first = _seen(f, np.concatenate([t * self._d - self._fixed, -self._turned]))
-        second = _seen(d, np.concatenate([self._d, np.zeros_like(self._g)]))
-        n = len(f)
-        gradient = -first[:, :: n + 1].real.sum(axis=1) - second[:, :: n + 1].real.sum(axis=1)
-        gradient[k:] += x[k:] / _LARGEST_G**2
-        hessian = (first.conj() @ first.T).real + (second.conj() @ second.T).real
-        hessian[np.diag_indices_from(hessian)] += np.concatenate([np.zeros(k), np.full(len(x) - k, _LARGEST_G**-2)])
-        system = np.block([[hessian, self._trace[:, None]], [self._trace[None], np.zeros((1, 1))]])
+        first, second = (_seen(f, m) for f, m in zip(inside, (t * self._own - self._left, self._own), strict=True))
+        diagonal = slice(None, None, len(inside[0]) + 1)
+        gradient = self._bent * x - first[:, diagonal].real.sum(axis=1) - second[:, diagonal].real.sum(axis=1)
+        both = np.hstack([first, second]).view(np.float64)
+        system = np.zeros((len(x) + 1, len(x) + 1))
+        system[:-1, :-1] = both @ both.T + np.diag(self._bent)
+        system[:-1, -1] = system[-1, :-1] = self._trace
         try:
             move = np.linalg.solve(system, np.append(-gradient, 0.0))[:-1]
         except np.linalg.LinAlgError:
@@ -131,21 +129,23 @@ class _CentreSearch:
 
     def _factors(self, x: Floats, t: float) -> tuple[Complex, Complex] | None:
         """Return the Cholesky factors of both matrices that have to be positive; None: one of them is not."""
-        k = len(self._d)
-        d = self.matrices(x)[0]
-        f = t * d - np.tensordot(x[:k], self._fixed, 1) - np.tensordot(x[k:], self._turned, 1)
+        d = _sum(x, self._own)
         try:
-            return cholesky(f, lower=True), cholesky(d, lower=True)
-        except (LinAlgError, ValueError):
+            return np.linalg.cholesky(t * d - _sum(x, self._left)), np.linalg.cholesky(d)
+        except np.linalg.LinAlgError:
             return None
 
 
+def _sum(x: Floats, matrices: Complex) -> Complex:
+    """Return Σ xₖ Xₖ."""
+    k, n, _ = matrices.shape
+    return np.asarray((x @ matrices.reshape(k, -1).view(np.float64)).view(np.complex128).reshape(n, n))
+
+
 def _seen(factor: Complex, matrices: Complex) -> Complex:
-    """Return L⁻¹ X L⁻ᴴ of Hermitian matrices X, shape (k, n²)."""
-    n = len(factor)
-    half = solve_triangular(factor, matrices.transpose(1, 0, 2).reshape(n, -1), lower=True).reshape(n, -1, n)
-    other = solve_triangular(factor, half.conj().transpose(2, 1, 0).reshape(n, -1), lower=True).reshape(n, -1, n)
-    return np.asarray(other.transpose(1, 0, 2).reshape(-1, n * n))
+    """Return L⁻¹ X L⁻ᴴ of matrices X, shape (k, n²)."""
+    inverse = np.linalg.inv(factor)
+    return np.asarray((inverse @ matrices @ inverse.conj().T).reshape(len(matrices), -1))
 
 
 def _basis(blocks: Sequence[MuBlock], *, real_only: bool) -> Iterator[tuple[slice, NDArray[np.complex128]]]:
