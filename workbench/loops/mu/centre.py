@@ -131,9 +131,10 @@ class _CentreSearch:
         """Return the Cholesky factors of both matrices that have to be positive; None: one of them is not."""
         d = _sum(x, self._own)
         try:
-            return np.linalg.cholesky(t * d - _sum(x, self._left)), np.linalg.cholesky(d)
+            f, own = (np.asarray(np.linalg.cholesky(m)) for m in (t * d - _sum(x, self._left), d))
         except np.linalg.LinAlgError:
             return None
+        return f, own
 
 
 def _sum(x: Floats, matrices: Complex) -> Complex:
