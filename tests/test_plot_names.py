@@ -94,3 +94,14 @@ def test_many_states_at_zero_are_told_in_one_word() -> None:
     figure, _ = panels(1, 1, title="")
     with_point(figure, point)  # it has no operating point of its own
     assert figure.get_supxlabel() == ""
+
+
+def test_a_name_is_not_beside_the_mark_of_another() -> None:
+    """Two marks near to each other on a line: the name of the first does not stand above the second."""
+    ax, _ = crowded(1)
+    marks = [(0.0, 0.0), (-0.2, 0.0)]
+    name_points(ax, marks, ["1: 2.64 Hz, stable", "2: 3.31 Hz"])
+    found, pixels = boxes(ax), ax.transData.transform(marks)
+    for k, box in enumerate(found):
+        away = np.hypot(*(np.clip(pixels, box.min, box.max) - pixels).T)
+        assert away[1 - k] > away[k]

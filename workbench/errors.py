@@ -249,12 +249,12 @@ def close_names(name: str, known: Iterable[str]) -> list[str]:
     return [folded[n] for n in difflib.get_close_matches(name.casefold(), list(folded), n=3, cutoff=0.6)]
 
 
-def suggest(name: str, known: Iterable[str]) -> str:
-    """Return the tail of an "unknown name" message: close names, else the first known ones."""
+def suggest(name: str, known: Iterable[str], *, most: int = _SUGGESTED) -> str:
+    """Return the tail of an "unknown name" message: close names, else the first known ones, `most` of them."""
     names = sorted(set(known))
     if not names:
         return "there are none"
     if close := close_names(name, names):
         return "did you mean " + ", ".join(close) + "?"
-    more = f", … ({len(names)} in all)" if len(names) > _SUGGESTED else ""
-    return "known: " + ", ".join(names[:_SUGGESTED]) + more
+    more = f", … ({len(names)} in all)" if len(names) > most else ""
+    return "known: " + ", ".join(names[:most]) + more

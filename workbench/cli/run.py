@@ -98,14 +98,15 @@ def run(
     from workbench.cli.github import tell_github
     from workbench.cli.output import Output
     from workbench.show.result import page_of
-    from workbench.study.read import is_bundled_study
+    from workbench.study.read import bundled_studies, is_bundled_study
     from workbench.study.run import StudyRun, default_store
 
     if example:
         return _print_example(study or "study:rudder_specification")
     if study is None:
         raise InputError(
-            "name a study: a .toml file, or study:NAME; 'workbench run --example' prints one to begin with"
+            "name a study: a .toml file, or study:NAME; 'workbench run --example' prints one to begin with; "
+            f"bundled: {', '.join(bundled_studies())}"
         )
     if no_store and (store is not None or fresh):
         raise InputError("--no-store and --store or --fresh: only one of them")

@@ -26,8 +26,9 @@ _COLOUR = "#333333"  # of names beside points
 _LEADER = 11.0  # from this distance on a line leads from the mark to its name [points]
 _ROOM = 2.0  # around a name [points]
 _STEP, _MOST = 3.0, 20_000  # distance of the points of a curve that are looked at [points], and their number
-# What it costs to cover a name or legend, to leave the axes, to cover a mark, a point of a curve.
-_OVER_NAME, _OUTSIDE, _OVER_MARK, _OVER_CURVE = 1e6, 1e5, 2e3, 20.0
+# What it costs to cover a name or legend, to leave the axes, to cover a mark, to be beside another, to cover a point of
+# a curve.
+_OVER_NAME, _OUTSIDE, _OVER_MARK, _BESIDE_MARK, _OVER_CURVE = 1e6, 1e5, 2e3, 100.0, 20.0
 
 
 def name_points(ax: Axes, points: Sequence[tuple[float, float]], texts: Sequence[str]) -> None:
@@ -168,6 +169,8 @@ def _place(at: Floats, size: Floats, around: _LabelBox, begin: Floats | None) ->
         share = np.linspace(0.97, 0.3, 40)
         tried, reach = begin + share[:, None] * (at - begin), 60.0 * (1.0 - share)
     cost = reach + _OVER_CURVE * _inside(around.curves, tried, size) + _OVER_MARK * _inside(around.marks, tried, size)
+    others = around.marks[(around.marks != at).any(axis=1)]  # beside another it would be taken for its name
+    cost += _BESIDE_MARK * _inside(others, tried, size + 2.0 * _LEADER * around.unit)
     low, high = tried - 0.5 * size, tried + 0.5 * size
     cost += _OUTSIDE * ((low < around.frame.min).any(axis=1) | (high > around.frame.max).any(axis=1))
     ways = _between(at, np.clip(at, low, high) if begin is None else tried)

@@ -70,5 +70,5 @@ def read_requirement(data: object, where: str) -> Requirement:
     if kind is None:
         raise InputError(f"{where}: key 'kind' is missing; known: {', '.join(KINDS)}")
     if not isinstance(kind, str) or kind not in KINDS:
-        raise InputError(f"{where}: kind {kind!r} is unknown; {suggest(str(kind), KINDS)}")
+        raise InputError(f"{where}: kind {kind!r} is unknown; {suggest(str(kind), KINDS, most=len(KINDS))}")
     return read_table(KINDS[kind], data, where)
