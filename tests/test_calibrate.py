@@ -89,7 +89,7 @@ def test_what_inputs_do_between_samples_is_told_where_it_matters() -> None:
         found = calibrated(record(y, u if len(y) == len(u) else U), noise="white", interpolate=interpolate)
         notes = [note for note in found.notes if note.startswith("between samples")]
         assert len(notes) == told
-        assert all("straight lines" in note and "tau moves" in note for note in notes)
+        assert all("straight lines" in note and "tau by " in note for note in notes)
         p = found.of("tau")
         assert ((p.low or 0.0) < TAU < (p.high or 0.0)) is not told
 

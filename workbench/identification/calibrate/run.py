@@ -187,15 +187,15 @@ def _between_samples(found: Estimate, known: Information, work: CalibrationWork)
     step = np.linalg.lstsq(J, e, rcond=None)[0]
     moved = np.where(known.open[known.free], 0.0, np.abs(step) / known.errors[known.free])
     worse = float(np.sum((e - J @ step) ** 2) - np.sum(problem.residuals(found.z) ** 2))
-    most = int(np.argmax(moved))
-    if moved[most] < 1.0 or worse > known.quantile**2:
+    if moved.max() < 1.0 or worse > known.quantile**2:
         return
     now, then = ("held", "straight lines") if held else ("straight lines", "held")
     fit = "better" if worse < 0.0 else "as well"
-    name = [q.name for q, free in zip(problem.quantities, known.free, strict=True) if free][most]
+    names = [q.name for q, free in zip(problem.quantities, known.free, strict=True) if free]
+    ways = ", ".join(f"{name} by {much:.2g}" for name, much in zip(names, moved, strict=True) if much >= 1.0)
     yield (
-        f"between samples the inputs are taken as {now}; taken as {then} the model fits {fit}, and {name} moves by "
-        f"about {moved[most]:.2g} standard errors: say which it is with `interpolate`"
+        f"between samples the inputs are taken as {now}; taken as {then} the model fits {fit}, and the values move, "
+        f"in standard errors: {ways}; say which it is with `interpolate`"
     )
 
 
