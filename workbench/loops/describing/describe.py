@@ -135,7 +135,7 @@ def describing_function(
     errcrit: float = 0.01,
     workers: Workers | None = None,
 ) -> DescribingFunction:
-    """Return N(A), −1/N(A) and the harmonics of a nonlinear block.
+    """Return N(A), −1/N(A) and the harmonics of a nonlinear block; of a whole model `nfr` also tells errors.
 
     Args:
         block: a standard block (`standard_block`), a static function of an array of inputs, or a model, which is

@@ -26,9 +26,10 @@ class Nfr(AtPoint, InWorkers, ModelRequest["NfrResult"]):
 
     At each amplitude m and frequency f the input moves by m·sin(2πft) about its value at the operating point, or its
     start value, and the model is run one period at a time, each resumed from the last. With P = ∫ y sin dt and
-    Q = ∫ y cos dt over a period the gain is 2·f·√(P² + Q²)/m and the phase atan2(Q, P); the offset is the mean of y.
-    Periods are run until the response has settled, or up to `max_periods`, after which the mean of P, Q and offset
-    over the last half of them is taken and the point is marked averaged. The phase is followed along the frequency.
+    Q = ∫ y cos dt over a period the gain is 2·f·√(P² + Q²)/m and the phase atan2(Q, P): the sinusoidal-input describing
+    function of the model, which is stated with its error; the offset is the mean of y. Periods are run until the
+    response has settled, or up to `max_periods`, after which the mean of P, Q and offset over the last half of them is
+    taken and the point is marked averaged. The phase is followed along the frequency.
 
     Where it departs from the source report, and why:
       - 200 rows per period, events as double rows, in place of 30: P and Q of a settled linear
