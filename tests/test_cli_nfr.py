@@ -90,7 +90,10 @@ def test_a_step_that_matters_is_warned_of(capsys: pytest.CaptureFixture[str]) ->
     [
         (
             ["nfr"],
-            "Missing argument 'MODEL' (FMU file or folder, fmu:NAME[@3], or a system: .toml, .ssp, system:NAME)",
+            (
+                "Missing argument 'MODEL' (FMU file or folder, fmu:NAME[@3], or a system: .toml, .ssp, system:NAME); "
+                "workbench nfr --help has an example"
+            ),
         ),
         (["nosuch"], "No such command 'nosuch'"),
         ([*LAG, "--freq"], "requires an argument"),

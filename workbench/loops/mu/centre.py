@@ -134,7 +134,7 @@ class _CentreSearch:
             f, own = (np.asarray(np.linalg.cholesky(m)) for m in (t * d - _sum(x, self._left), d))
         except np.linalg.LinAlgError:
             return None
-        return f, own
+        return (f, own) if np.isfinite(f).all() and np.isfinite(own).all() else None  # not every LAPACK tells of NaN
 
 
 def _sum(x: Floats, matrices: Complex) -> Complex:
