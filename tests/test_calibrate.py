@@ -80,18 +80,23 @@ def test_what_inputs_do_between_samples_is_told_where_it_matters() -> None:
         x.append(a * x[-1] + (1.0 - a) * now + (1.0 - TAU / DT * (1.0 - a)) * (then - now))
     straight = np.array(x) + np.random.default_rng(8).normal(0.0, SIGMA, len(u))
     truly_held = lag(TAU, u) + np.random.default_rng(8).normal(0.0, SIGMA, len(u))
-    for y, interpolate, told in (
-        (straight, "hold", True),
-        (straight, "linear", False),
-        (truly_held, "hold", False),
-        (noisy(), "hold", False),
+    for y, interpolate, taken, doubted in (
+        (straight, "hold", "hold", True),
+        (straight, "linear", "linear", False),
+        (straight, "auto", "linear", False),
+        (truly_held, "hold", "hold", False),
+        (truly_held, "auto", "hold", False),
+        (noisy(), "auto", "hold", False),
     ):
         found = calibrated(record(y, u if len(y) == len(u) else U), noise="white", interpolate=interpolate)
-        notes = [note for note in found.notes if note.startswith("between samples")]
-        assert len(notes) == told
-        assert all("straight lines" in note and "tau by " in note for note in notes)
+        assert found.between_samples == taken
+        assert bool(found.doubt) == doubted
+        assert not doubted or ("straight lines" in found.doubt and "tau by " in found.doubt)
+        assert ("regions may not hold" in str(found)) == doubted
+        changed = interpolate == "auto" and taken == "linear"
+        assert any("explains the data better" in note for note in found.notes) == changed
         p = found.of("tau")
-        assert ((p.low or 0.0) < TAU < (p.high or 0.0)) is not told
+        assert ((p.low or 0.0) < TAU < (p.high or 0.0)) is not doubted
 
 
 def test_profile_is_that_of_the_closed_form() -> None:

@@ -18,10 +18,11 @@ def calibrate_page(result: CalibrateResult) -> Page:
     fits = ", ".join(f"{name} {fit:.4g} %" for name, fit in result.fit_percent.items())
     known = sum(p.identifiable for p in result.parameters)
     how_many = f"{known} of {counted(len(result.parameters), 'value')}"
+    doubt = ", but regions may not hold the values: see what inputs do between samples" if result.doubt else ""
     words = "Measured, computed with the start values, computed with the estimate; the band is what the regions leave."
     return Page(
         title=f"Parameters of {result.model}",
-        lead=f"The data tell {how_many}. Fit: {fits}.",
+        lead=f"The data tell {how_many}{doubt}. Fit: {fits}.",
         facts={
             "data": "; ".join(f"{one.name}: {len(one.time)} samples" for one in result.data),
             "noise": "; ".join(_noise(one, result) for one in result.noise),
@@ -42,6 +43,8 @@ def calibrate_page(result: CalibrateResult) -> Page:
 
 def _verdicts(result: CalibrateResult) -> list[Verdict]:
     found = [Verdict("good" if p.identifiable else "watch", _told(p)) for p in result.parameters]
+    if result.doubt:
+        found.insert(0, Verdict("poor", result.doubt))
     if not result.converged:
         found.append(Verdict("watch", f"the search is not at its end: {result.reason}"))
     chi = result.chi_squared

@@ -220,10 +220,10 @@ class Calibrate(AtPoint, InWorkers, ModelRequest["CalibrateResult"]):
         "Known delay of an output's sensor [s].", flag="--sensor-delay", metavar="Y=S", default=None
     )
     interpolate: str = option(
-        "What a measured input does between its samples: hold (of a digital controller), or linear (of a signal that "
-        "was sampled, or is a Table of `simulate`).",
-        choices=("hold", "linear"),
-        default="hold",
+        "What a measured input does between its samples: hold (of a digital controller), linear (of a signal that was "
+        "sampled, or is a Table of `simulate`), or auto: what explains the data better; hold where they do not tell.",
+        choices=("auto", "hold", "linear"),
+        default="auto",
     )
     dt: float | None = option(
         "Sampling interval of files without times.", unit="s", metavar="S", positive=True, default=None

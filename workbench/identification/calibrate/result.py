@@ -212,6 +212,8 @@ class CalibrateResult(Result):
         failed_runs: how many of them failed.
         reason: why the search ended.
         converged: whether it came to its end.
+        between_samples: what inputs were taken to do there: "hold" or "linear".
+        doubt: what it would change if they did the other; empty: nothing, or the data tell that they did not.
         next_experiment: None: it was not asked for.
         notes: what should be known, one line each.
         operating_point: where the first run began; None: not known.
@@ -235,6 +237,8 @@ class CalibrateResult(Result):
     failed_runs: int
     reason: str
     converged: bool
+    between_samples: str
+    doubt: str = ""
     next_experiment: NextExperiment | None = None
     notes: tuple[str, ...] = ()
     operating_point: OperatingPoint | None = None

@@ -59,6 +59,7 @@ _ALGORITHM = 1  # to be raised when what a run gives changes: stored runs of bot
 _MOST_STATES = 200  # of all copies together: a dense Newton matrix of more is slower than each by itself
 _LAGS = 25  # of the tests [samples]
 _PER_LAG = 5  # samples that each lag needs
+_MOTIONS = {"hold": "held", "linear": "straight lines"}  # of inputs between samples
 _HUGE = 700.0  # logarithm of the largest number
 
 
@@ -74,20 +75,21 @@ def run(model: Model, request: Calibrate, job: Job) -> CalibrateResult:
     notes = [*remarks, *(note for one in (*data, *others) for note in one.notes), *_doubts(data)]
     with ExitStack() as stack:
         place = place_of(model, request, job, len(quantities), stack)
-        work = CalibrationWork(model, request, place)
-        problem, found_out = work.problem(data, quantities, _guessed(data, request))
-        notes += found_out
-
-        def reached(found: Estimate) -> None:
-            outputs = problem.runs.outputs([quantities.start, found.z])
-            job.partial = lambda: _record(model, found, information(found), outputs, [*notes, *found.notes])
-
-        found = search(problem, request, reached)
+        auto = request.interpolate == "auto"
+        work = CalibrationWork(model, replace(request, interpolate="hold") if auto else request, place)
+        found, found_out = work.estimate(data, quantities, notes)
+        other = _other_motion(found, information(found), work)
+        if auto and other is not None and other.better:
+            notes.append(f"between samples the inputs are taken as {_MOTIONS[other.to]}: that explains the data better")
+            work = replace(work, request=replace(request, interpolate=other.to))
+            found, found_out = work.estimate(data, quantities, notes)
+            other = _other_motion(found, information(found), work)
         known = information(found)
-        result = _record(model, found, known, problem.runs.outputs([quantities.start, found.z]), [*notes, *found.notes])
+        outputs = found.problem.runs.outputs([quantities.start, found.z])
+        result = _record(work, found, known, outputs, [*notes, *found_out, *found.notes])
+        result = replace(result, doubt="" if other is None else other.words)
         job.partial = lambda: result
         result = _looked_at(result, found, known, work)
-        result = replace(result, notes=(*result.notes, *_between_samples(found, known, work)))
         if request.next_inputs:
             result = replace(result, next_experiment=next_experiment(found, known, request, work.posed(found)))
         compared = work.compared(others, found) if others else ()
@@ -143,6 +145,19 @@ class CalibrationWork:
         )  # fmt: skip
         return made, [note for grid, _ in grids for note in grid.notes]
 
+    def estimate(
+        self, data: Sequence[Experiment], quantities: FreeValues, notes: Sequence[str]
+    ) -> tuple[Estimate, Sequence[str]]:
+        """Return where the search ended, and notes on how the model samples; `notes` go into what stands meanwhile."""
+        problem, found_out = self.problem(data, quantities, _guessed(data, self.request))
+
+        def reached(found: Estimate) -> None:
+            outputs = problem.runs.outputs([quantities.start, found.z])
+            words = [*notes, *found_out, *found.notes]
+            self.place.job.partial = lambda: _record(self, found, information(found), outputs, words)
+
+        return search(problem, self.request, reached), found_out
+
     def posed(self, found: Estimate) -> Callable[[Experiment, FreeValues], CalibrationProblem]:
         """Return the function that makes a problem of further data, with the noise that was found."""
         return lambda data, quantities: self.problem([data], quantities, found.problem.noise)[0]
@@ -171,32 +186,45 @@ def _doubts(data: Sequence[Experiment]) -> Iterator[str]:
             yield f"output '{name}' does not move in the data: it tells little"
 
 
-def _between_samples(found: Estimate, known: Information, work: CalibrationWork) -> Iterator[str]:
-    """Yield a note where another motion of the inputs between samples gives other values, and explains the data, too.
+@dataclass(frozen=True)
+class OtherMotion:
+    """What another motion of the inputs between samples gives.
 
-    Those values follow from one Gauss-Newton step.
+    Attributes:
+        to: "hold" or "linear".
+        better: whether it explains the data better, beyond chance.
+        words: a doubt of the estimate that it raises; empty: none.
     """
-    problem, held = found.problem, work.request.interpolate == "hold"
+
+    to: str
+    better: bool
+    words: str
+
+
+def _other_motion(found: Estimate, known: Information, work: CalibrationWork) -> OtherMotion | None:
+    """Return what the other motion of the inputs gives, from one Gauss-Newton step; None: nothing is known of it."""
+    problem, now = found.problem, work.request.interpolate
     if not any(np.ptp(one.u) > 0.0 for one in problem.data if one.u.size and not isinstance(one, ResponseData)):
-        return
-    other = replace(work, request=replace(work.request, interpolate="linear" if held else "hold"))
+        return None
+    to = "linear" if now == "hold" else "hold"
+    other = replace(work, request=replace(work.request, interpolate=to))
     e = other.problem(problem.data, problem.quantities, problem.noise)[0].residuals(found.z)
     J = problem.whitened(found.gradient)[0][:, known.free]
     if not np.all(np.isfinite(e)) or not J.size:
-        return
+        return None
     step = np.linalg.lstsq(J, e, rcond=None)[0]
     moved = np.where(known.open[known.free], 0.0, np.abs(step) / known.errors[known.free])
     worse = float(np.sum((e - J @ step) ** 2) - np.sum(problem.residuals(found.z) ** 2))
-    if moved.max() < 1.0 or worse > known.quantile**2:
-        return
-    now, then = ("held", "straight lines") if held else ("straight lines", "held")
-    fit = "better" if worse < 0.0 else "as well"
-    names = [q.name for q, free in zip(problem.quantities, known.free, strict=True) if free]
-    ways = ", ".join(f"{name} by {much:.2g}" for name, much in zip(names, moved, strict=True) if much >= 1.0)
-    yield (
-        f"between samples the inputs are taken as {now}; taken as {then} the model fits {fit}, and the values move, "
-        f"in standard errors: {ways}; say which it is with `interpolate`"
-    )
+    words = ""
+    if moved.max() >= 1.0 and worse <= known.quantile**2:
+        fit = "better" if worse < 0.0 else "as well"
+        names = [q.name for q, free in zip(problem.quantities, known.free, strict=True) if free]
+        ways = ", ".join(f"{name} by {much:.2g}" for name, much in zip(names, moved, strict=True) if much >= 1.0)
+        words = (
+            f"between samples the inputs are taken as {_MOTIONS[now]}; taken as {_MOTIONS[to]} the model fits {fit}, "
+            f"and values move, in standard errors: {ways}; say which it is with `interpolate`"
+        )
+    return OtherMotion(to, worse < -(known.quantile**2), words)
 
 
 def _guessed(data: Sequence[Experiment], request: Calibrate) -> ColouredNoise:
@@ -210,10 +238,11 @@ def _guessed(data: Sequence[Experiment], request: Calibrate) -> ColouredNoise:
 
 
 def _record(
-    model: Model, found: Estimate, known: Information, outputs: Sequence[Sequence[Floats | None]], notes: Sequence[str]
-) -> CalibrateResult:
+    work: CalibrationWork, found: Estimate, known: Information, outputs: Sequence[Sequence[Floats | None]],
+    notes: Sequence[str],
+) -> CalibrateResult:  # fmt: skip
     """Return the record of an estimate, with the outputs at the start values and there."""
-    problem, (before, after) = found.problem, outputs
+    model, problem, (before, after) = work.model, found.problem, outputs
     place, failed = problem.runs.place, problem.runs.place.failed
     words = [f"{failed.total()} of {place.count} runs failed; the most frequent reason: {reason}"
              for reason, _ in failed.most_common(1)]  # fmt: skip
@@ -236,7 +265,8 @@ def _record(
         ),
         chi_squared=_chi_squared(found, known), loss=problem.loss.name, runs=place.count,
         failed_runs=failed.total(), reason=found.reason, converged=found.converged,
-        notes=tuple(dict.fromkeys([*notes, *words, *held])), operating_point=place.start,
+        between_samples=work.request.interpolate, operating_point=place.start,
+        notes=tuple(dict.fromkeys([*notes, *words, *held])),
     )  # fmt: skip
 
 
