@@ -92,11 +92,28 @@ def test_what_inputs_do_between_samples_is_told_where_it_matters() -> None:
         assert found.between_samples == taken
         assert bool(found.doubt) == doubted
         assert not doubted or ("straight lines" in found.doubt and "tau by " in found.doubt)
-        assert ("regions may not hold" in str(found)) == doubted
+        assert ("hang on what inputs do" in str(found)) == doubted
         changed = interpolate == "auto" and taken == "linear"
         assert any("explains the data better" in note for note in found.notes) == changed
         p = found.of("tau")
         assert ((p.low or 0.0) < TAU < (p.high or 0.0)) is not doubted
+
+
+def test_regions_hold_both_motions_of_the_inputs_where_the_data_do_not_tell() -> None:
+    """A single step whose edge is a ramp over one sample: half a sample of delay, or another time constant."""
+    u = np.where(np.arange(len(U)) >= 30, 1.0, 0.0)
+    held, doubts = 0, 0
+    for seed in range(20):
+        a, x = math.exp(-DT / TAU), [0.0]
+        for now, then in itertools.pairwise(u):
+            x.append(a * x[-1] + (1.0 - a) * now + (1.0 - TAU / DT * (1.0 - a)) * (then - now))
+        y = np.array(x) + np.random.default_rng(seed).normal(0.0, 0.05, len(u))
+        found = calibrated(record(y, u), noise="white")
+        p = found.of("tau")
+        held += (p.low or 0.0) < TAU < (p.high or 0.0)
+        doubts += "regions hold both" in found.doubt
+    assert held >= 18
+    assert doubts >= 5
 
 
 def test_profile_is_that_of_the_closed_form() -> None:

@@ -3,7 +3,8 @@
 Each case is a model with planted parameters, played with a random staircase or a step; noise of 5 % of the output,
 white or AR(1), is drawn anew for each trial. Counted: how often the 95 % regions hold the planted values, the median
 error beside the Cramér-Rao bound (of the true model and noise, by differences of plain simulations), parameters that
-were called unidentifiable in cases where all can be known, and those named where some cannot.
+were called unidentifiable in cases where all can be known, and those named where some cannot. Inputs are held between
+samples, and once more straight lines: which, nobody tells the calibration.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from collections.abc import Mapping
 from contextlib import redirect_stdout
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import fmpy
 import numpy as np
@@ -44,6 +45,7 @@ class PlantedCase:
         dt: [s].
         samples: how many.
         step: whether the input is one step, else a random staircase.
+        between: "hold", or "linear": straight lines from sample to sample.
         given: other start values.
         named: words that `not_identifiable` must have, one for each direction; none: all can be known.
     """
@@ -58,6 +60,7 @@ class PlantedCase:
     dt: float = 0.1
     samples: int = 300
     step: bool = False
+    between: Literal["hold", "linear"] = "hold"
     given: Mapping[str, float] = field(default_factory=dict)
     named: tuple[str, ...] = ()
 
@@ -229,10 +232,8 @@ def played(case: PlantedCase, **values: float) -> Floats:
     with case.opened(**{**case.truth, **values}) as model:
         data = wb.make_experiment(case.dt, case.u, case.u, input_names=[case.input], output_names=["rest"])
         time_ = data.time + model.start_time
-        signal = wb.Table(time_.tolist(), case.u.tolist(), interpolate="hold")
         late = 1e-6 * case.dt if _samples(case) else 0.0
-        if late:
-            signal = wb.Table((time_ - late).tolist(), case.u.tolist(), interpolate="hold")
+        signal = wb.Table((time_ - late).tolist(), case.u.tolist(), interpolate=case.between)
         points = time_ + late
         run_ = wb.simulate(
             model, stop=float(points[-1]), inputs={case.input: signal}, outputs=[case.output],
@@ -285,22 +286,26 @@ def _calibrated(case: PlantedCase, y: Floats) -> wb.CalibrateResult:
 def _trials(name: str, case: PlantedCase, draws: int, colour: float, seed: int) -> tuple[int, int, int, list[float]]:
     """Return how many regions hold the truth, of how many, false alarms, and errors over the bound."""
     bound = _bound(case, colour)
-    held = alarms = runs = 0
+    held = alarms = runs = doubts = mistaken = 0
     errors, begun = [], time.process_time()
     for draw in range(draws):
         y = bound.y + _noise(case, bound.sigma, colour, seed + draw)
         found = _calibrated(case, y)
         alarms += bool(found.not_identifiable)
         runs += found.runs
+        doubts += bool(found.doubt)
+        mistaken += found.between_samples != case.between
         for p in found.parameters:
             true = case.truth[p.name]
             held += p.low is not None and p.high is not None and p.low <= true <= p.high
             errors.append(abs(p.value - true) / bound.errors[p.name])
     count = draws * len(case.truth)
     cpu = (time.process_time() - begun) / draws
+    ratio = float(np.median(errors)) / _MEDIAN
     print(
-        f"{name:22} AR {colour:.1f}: held {held:4} of {count:4}, median error {np.median(errors) / _MEDIAN:.2f} of the "
-        f"bound, {alarms} false alarms, {runs / draws:.0f} runs, {cpu:.2f} s CPU each",
+        f"{name:22} {case.between:6} AR {colour:.1f}: held {held:4} of {count:4}, median error {ratio:.2f} of the "
+        f"bound, {alarms} false alarms, {doubts} doubts, {mistaken} wrong between samples, {runs / draws:.0f} runs, "
+        f"{cpu:.2f} s CPU each",
         flush=True,
     )
     return held, count, alarms, errors
@@ -392,8 +397,9 @@ def run(*, cases: int = 50, only: str = "", every: int = 1, seed: int = 1, peers
     held = count = alarms = 0
     errors: list[float] = []
     for number, (name, case) in enumerate(chosen):
-        for colour, more in ((0.0, 0), (0.7, 500)):
-            found = _trials(name, case, cases, colour, seed + 1000 * number + more)
+        straight = [] if _samples(case) else [(replace(case, between="linear"), 0.0, 250)]
+        for one, colour, more in [(case, 0.0, 0), (case, 0.7, 500), *straight]:
+            found = _trials(name, one, cases, colour, seed + 1000 * number + more)
             held, count, alarms = held + found[0], count + found[1], alarms + found[2]
             errors += found[3]
     named = [_unseen(name, case, seed) for name, case in list(UNSEEN.items())[::every] if only in name]

@@ -18,7 +18,7 @@ def calibrate_page(result: CalibrateResult) -> Page:
     fits = ", ".join(f"{name} {fit:.4g} %" for name, fit in result.fit_percent.items())
     known = sum(p.identifiable for p in result.parameters)
     how_many = f"{known} of {counted(len(result.parameters), 'value')}"
-    doubt = ", but regions may not hold the values: see what inputs do between samples" if result.doubt else ""
+    doubt = ", but they hang on what inputs do between samples" if result.doubt else ""
     words = "Measured, computed with the start values, computed with the estimate; the band is what the regions leave."
     return Page(
         title=f"Parameters of {result.model}",
@@ -44,7 +44,7 @@ def calibrate_page(result: CalibrateResult) -> Page:
 def _verdicts(result: CalibrateResult) -> list[Verdict]:
     found = [Verdict("good" if p.identifiable else "watch", _told(p)) for p in result.parameters]
     if result.doubt:
-        found.insert(0, Verdict("poor", result.doubt))
+        found.insert(0, Verdict("watch", result.doubt))
     if not result.converged:
         found.append(Verdict("watch", f"the search is not at its end: {result.reason}"))
     chi = result.chi_squared

@@ -213,7 +213,8 @@ class CalibrateResult(Result):
         reason: why the search ended.
         converged: whether it came to its end.
         between_samples: what inputs were taken to do there: "hold" or "linear".
-        doubt: what it would change if they did the other; empty: nothing, or the data tell that they did not.
+        doubt: what it would change if they did the other; empty: nothing, or the data tell that they did not. Where
+            nobody said which, and the data do not, regions hold both.
         next_experiment: None: it was not asked for.
         notes: what should be known, one line each.
         operating_point: where the first run began; None: not known.

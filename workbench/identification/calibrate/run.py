@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -59,6 +59,7 @@ _ALGORITHM = 1  # to be raised when what a run gives changes: stored runs of bot
 _MOST_STATES = 200  # of all copies together: a dense Newton matrix of more is slower than each by itself
 _LAGS = 25  # of the tests [samples]
 _PER_LAG = 5  # samples that each lag needs
+_SURE = 20.0  # odds: one in twenty is wrong, as of a region of 95 %
 _MOTIONS = {"hold": "held", "linear": "straight lines"}  # of inputs between samples
 _HUGE = 700.0  # logarithm of the largest number
 
@@ -79,17 +80,19 @@ def run(model: Model, request: Calibrate, job: Job) -> CalibrateResult:
         work = CalibrationWork(model, replace(request, interpolate="hold") if auto else request, place)
         found, found_out = work.estimate(data, quantities, notes)
         other = _other_motion(found, information(found), work)
-        if auto and other is not None and other.better:
+        if auto and other.odds > _SURE:
             notes.append(f"between samples the inputs are taken as {_MOTIONS[other.to]}: that explains the data better")
-            work = replace(work, request=replace(request, interpolate=other.to))
+            work = work.taking(other.to)
             found, found_out = work.estimate(data, quantities, notes)
             other = _other_motion(found, information(found), work)
         known = information(found)
         outputs = found.problem.runs.outputs([quantities.start, found.z])
         result = _record(work, found, known, outputs, [*notes, *found_out, *found.notes])
-        result = replace(result, doubt="" if other is None else other.words)
         job.partial = lambda: result
         result = _looked_at(result, found, known, work)
+        if other.moved and other.odds > (1.0 / _SURE if auto else _SURE):
+            rival = work.taking(other.to).estimate(data, quantities, None)[0] if auto else None
+            result = _doubted(result, other, rival)
         if request.next_inputs:
             result = replace(result, next_experiment=next_experiment(found, known, request, work.posed(found)))
         compared = work.compared(others, found) if others else ()
@@ -145,13 +148,22 @@ class CalibrationWork:
         )  # fmt: skip
         return made, [note for grid, _ in grids for note in grid.notes]
 
+    def taking(self, motion: str) -> CalibrationWork:
+        """Return the same with inputs that do this between samples."""
+        return replace(self, request=replace(self.request, interpolate=motion))
+
     def estimate(
-        self, data: Sequence[Experiment], quantities: FreeValues, notes: Sequence[str]
+        self, data: Sequence[Experiment], quantities: FreeValues, notes: Sequence[str] | None
     ) -> tuple[Estimate, Sequence[str]]:
-        """Return where the search ended, and notes on how the model samples; `notes` go into what stands meanwhile."""
+        """Return where the search ended, and notes on how the model samples.
+
+        `notes` are those of what the job has meanwhile; None: nothing of this search is for it.
+        """
         problem, found_out = self.problem(data, quantities, _guessed(data, self.request))
 
         def reached(found: Estimate) -> None:
+            if notes is None:
+                return
             outputs = problem.runs.outputs([quantities.start, found.z])
             words = [*notes, *found_out, *found.notes]
             self.place.job.partial = lambda: _record(self, found, information(found), outputs, words)
@@ -192,39 +204,50 @@ class OtherMotion:
 
     Attributes:
         to: "hold" or "linear".
-        better: whether it explains the data better, beyond chance.
-        words: a doubt of the estimate that it raises; empty: none.
+        odds: likelihood of the data with it over that without; 0: not known.
+        moved: value → by how many standard errors it then moves, where that is one or more.
     """
 
     to: str
-    better: bool
-    words: str
+    odds: float
+    moved: Mapping[str, float]
 
 
-def _other_motion(found: Estimate, known: Information, work: CalibrationWork) -> OtherMotion | None:
-    """Return what the other motion of the inputs gives, from one Gauss-Newton step; None: nothing is known of it."""
-    problem, now = found.problem, work.request.interpolate
+def _other_motion(found: Estimate, known: Information, work: CalibrationWork) -> OtherMotion:
+    """Return what the other motion of the inputs gives, from one Gauss-Newton step."""
+    problem, to = found.problem, "linear" if work.request.interpolate == "hold" else "hold"
+    nothing = OtherMotion(to, 0.0, {})
     if not any(np.ptp(one.u) > 0.0 for one in problem.data if one.u.size and not isinstance(one, ResponseData)):
-        return None
-    to = "linear" if now == "hold" else "hold"
-    other = replace(work, request=replace(work.request, interpolate=to))
-    e = other.problem(problem.data, problem.quantities, problem.noise)[0].residuals(found.z)
+        return nothing
+    e = work.taking(to).problem(problem.data, problem.quantities, problem.noise)[0].residuals(found.z)
     J = problem.whitened(found.gradient)[0][:, known.free]
     if not np.all(np.isfinite(e)) or not J.size:
-        return None
+        return nothing
     step = np.linalg.lstsq(J, e, rcond=None)[0]
     moved = np.where(known.open[known.free], 0.0, np.abs(step) / known.errors[known.free])
     worse = float(np.sum((e - J @ step) ** 2) - np.sum(problem.residuals(found.z) ** 2))
-    words = ""
-    if moved.max() >= 1.0 and worse <= known.quantile**2:
-        fit = "better" if worse < 0.0 else "as well"
-        names = [q.name for q, free in zip(problem.quantities, known.free, strict=True) if free]
-        ways = ", ".join(f"{name} by {much:.2g}" for name, much in zip(names, moved, strict=True) if much >= 1.0)
-        words = (
-            f"between samples the inputs are taken as {_MOTIONS[now]}; taken as {_MOTIONS[to]} the model fits {fit}, "
-            f"and values move, in standard errors: {ways}; say which it is with `interpolate`"
-        )
-    return OtherMotion(to, worse < -(known.quantile**2), words)
+    names = [q.name for q, free in zip(problem.quantities, known.free, strict=True) if free]
+    moves = {name: float(much) for name, much in zip(names, moved, strict=True) if much >= 1.0}
+    return OtherMotion(to, float(np.exp(np.clip(-worse / 2.0, -_HUGE, _HUGE))), moves)
+
+
+def _doubted(result: CalibrateResult, other: OtherMotion, rival: Estimate | None) -> CalibrateResult:
+    """Return the record with the doubt of the other motion; regions hold what a rival estimate with it gives, too."""
+    ways = ", ".join(f"{name} by {much:.2g}" for name, much in other.moved.items())
+    now, then = _MOTIONS[result.between_samples], _MOTIONS[other.to]
+    told = (
+        f"between samples the inputs are taken as {now}; taken as {then} the model fits "
+        f"{'better' if rival is None else 'as well'}, and values move, in standard errors: {ways}"
+    )
+    if rival is None:
+        return replace(result, doubt=f"{told}; regions may not hold the values")
+    known, parameters = information(rival), list(result.parameters)
+    for k, p in enumerate(parameters):
+        its = _parameter(rival, known, k)
+        if p.low is not None and p.high is not None and its.low is not None and its.high is not None:
+            parameters[k] = replace(p, low=min(p.low, its.low), high=max(p.high, its.high))
+    words = f"{told}; regions hold both: say which it is with `interpolate`, and they become narrower"
+    return replace(result, doubt=words, parameters=tuple(parameters))
 
 
 def _guessed(data: Sequence[Experiment], request: Calibrate) -> ColouredNoise:
