@@ -343,8 +343,8 @@ def _misread(facts: dict[str, Any], described: oracle.Described) -> Iterator[str
 def _judged(subject: Subject, ours: dict[str, Any], theirs: oracle.Run) -> tuple[str, str]:
     """Compare; a disagreement is for a second run of FMPy to confirm, in another process.
 
-    By model exchange, where the solver is FMPy's, that is finer and ours may agree with it; in co-simulation it is the
-    same again: only an FMU that differs from itself is excused.
+    By model exchange, where the solver is FMPy's, that is finer; in co-simulation it is without event mode, where the
+    FMU has one, else the same again. Ours may agree with it; of others an FMU that differs from itself is excused.
     """
     asked = subject.described.asked
     verdict, reason = _compared(ours, theirs, asked)
@@ -354,8 +354,9 @@ def _judged(subject: Subject, ours: dict[str, Any], theirs: oracle.Run) -> tuple
     if better.fails:
         return verdict, reason
     second, words = _compared(ours, better, asked)
-    if second == "ok" and subject.interface == "me":
-        return "ok", f"{words}, at a hundredth of its tolerance"
+    if second == "ok":
+        how = "at a hundredth of its tolerance" if subject.interface == "me" else "in its second run"
+        return "ok", f"{words}, {how}"
     moved, apart = _compared({"time": theirs.time.tolist(), "signals": theirs.signals}, better, asked)
     if moved == "disagrees":
         return "no", f"two runs of FMPy differ, too: {apart}"

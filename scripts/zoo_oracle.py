@@ -124,7 +124,8 @@ def consult(file: Path, limits: Limits) -> tuple[Described, dict[str, Run]]:
 
 
 def finer(file: Path, interface: str, limits: Limits) -> Run:
-    """Return FMPy's run again, by model exchange with half the interval and a hundredth of the tolerance.
+    """Return FMPy's run again: by model exchange with half the interval and a hundredth of the tolerance, in
+    co-simulation without event mode.
 
     In a process that shares no memory with those of `consult`, not even the addresses: for an FMU that reads what it
     never set.
@@ -193,7 +194,7 @@ def _be_child(what: str, file: str, megabytes: float, tell: Connection) -> None:
         asked, tolerance = replace(asked, step=asked.step / 2.0), TOLERANCE / 100.0
     for interface in told["interfaces"] if what == "describe" else [one]:
         try:
-            tell.send(_simulate(file, interface, read, asked, tolerance))
+            tell.send(_simulate(file, interface, read, asked, tolerance, events=better != _FINER))
         except Exception as error:  # noqa: BLE001
             tell.send(_failure(error))
 
@@ -283,11 +284,11 @@ def _elements(name: str, shape: tuple[int, ...]) -> list[str]:
     return [f"{name}[{','.join(map(str, at))}]" for at in product(*(range(1, n + 1) for n in shape))]
 
 
-def _simulate(file: str, interface: str, read: Any, asked: Asked, tolerance: float) -> dict[str, Any]:
+def _simulate(file: str, interface: str, read: Any, asked: Asked, tolerance: float, *, events: bool) -> dict[str, Any]:
     import fmpy  # noqa: PLC0415
 
     settings = _forced(read, asked)
-    if interface == "cs" and getattr(read.coSimulation, "hasEventMode", False):
+    if events and interface == "cs" and getattr(read.coSimulation, "hasEventMode", False):
         settings |= {"use_event_mode": True, "early_return_allowed": True}
     outputs = [v.name for v in read.modelVariables if v.causality == "output" and v.type not in ("Binary", "Clock")]
     states = [d.variable.derivative.name for d in read.derivatives if getattr(d.variable, "derivative", None)]
