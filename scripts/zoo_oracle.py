@@ -124,11 +124,10 @@ def consult(file: Path, limits: Limits) -> tuple[Described, dict[str, Run]]:
 
 
 def finer(file: Path, interface: str, limits: Limits) -> Run:
-    """Return FMPy's run again: by model exchange with half the interval and a hundredth of the tolerance, in
-    co-simulation without event mode.
+    """Return FMPy's run again, in a process that shares no memory with those of `consult`, not even the addresses.
 
-    In a process that shares no memory with those of `consult`, not even the addresses: for an FMU that reads what it
-    never set.
+    By model exchange with half the interval and a hundredth of the tolerance, in co-simulation without event mode. The
+    process: for an FMU that reads what it never set.
     """
     answers, why = _ask(file, f"{interface} {_FINER}", limits, multiprocessing.get_context("spawn"))
     return _run(answers[0]) if answers else Run(fails=why)

@@ -161,7 +161,7 @@ def _legend(figure: Figure, ax: Axes, result: NfrResult) -> None:
     if np.any(result.averaged & (result.gain != 0.0)):
         handles.append(Line2D([], [], marker="^", markersize=6.0, label="averaged", **style))
     if np.any(result.gain == 0.0):
-        handles.append(Line2D([], [], marker="v", markersize=5.0, label="gain 0", **style))
+        handles.append(Line2D([], [], marker="v", markersize=5.0, label="gain 0 (−∞ dB)", **style))
     if result.failed:
         handles.append(Line2D([], [], marker="x", markersize=5.0, label="failed", **style))
     handles += branch_handles(result.branches, result.folds)
