@@ -30,8 +30,11 @@ _FLOOR = 0.1
 # Error bars of the phase larger than this are cut off [deg]: they would fill the picture.
 _WIDE = 30.0
 
-# Curves that are nearer to each other than this everywhere, relative, hide each other, unless the lower ones are wider.
-_ALIKE, _WIDER = 0.01, 1.6
+# Curves nearer to each other than this part of the picture everywhere hide each other, unless the lower ones are wider.
+_ALIKE, _WIDER = 0.005, 1.6
+
+# Room under the curves for the marks on the lower edge, part of the picture.
+_ROOM = 0.12
 
 
 def plot_nfr(result: NfrResult, *, offset: bool = False) -> Figure:
@@ -68,7 +71,7 @@ def plot_nfr(result: NfrResult, *, offset: bool = False) -> Figure:
 
 
 def _curves(ax: Axes, result: NfrResult, values: Floats) -> None:
-    widths = _widths(result)
+    widths = _widths(values)
     for i, row in enumerate(values):
         finite = np.where(np.isfinite(row), row, np.nan)
         colour = COLOURS[i % len(COLOURS)]
@@ -86,13 +89,11 @@ def _curves(ax: Axes, result: NfrResult, values: Floats) -> None:
             )
 
 
-def _widths(result: NfrResult) -> list[float]:
+def _widths(values: Floats) -> list[float]:
     """Return by how much wider each curve is drawn: by so much for each later one that lies on it [points]."""
-    values = result.response
-    apart = [[np.abs(a - b) <= _ALIKE * np.abs(a) for b in values[i + 1 :]] for i, a in enumerate(values)]
-    return [
-        _WIDER * sum(bool(np.all(same | ~np.isfinite(a))) for same in row) for a, row in zip(values, apart, strict=True)
-    ]
+    finite = np.where(np.isfinite(values), values, np.nan)
+    near = _ALIKE * (np.nanmax(finite) - np.nanmin(finite)) if np.any(np.isfinite(values)) else 0.0
+    return [_WIDER * sum(bool(np.all(~(np.abs(a - b) > near))) for b in finite[i + 1 :]) for i, a in enumerate(finite)]
 
 
 def _error_bars(gain: Axes, phase: Axes, result: NfrResult) -> None:
@@ -125,12 +126,17 @@ def _keep_to_curves(phase: Axes, result: NfrResult) -> None:
 
 def _failures(ax: Axes, result: NfrResult) -> None:
     """Mark on the lower edge, one line per amplitude: failed points by crosses, a gain of 0 by triangles downwards."""
+    marked = False
+    low, high = ax.get_ylim()
     for i, amplitude in enumerate(result.amplitude):
         failed = [f.frequency_hz for f in result.failed if f.amplitude == amplitude]
         style: dict[str, Any] = {"color": COLOURS[i % len(COLOURS)], "transform": ax.get_xaxis_transform()}
         for at, marker in ((failed, "x"), (result.frequency_hz[result.gain[i] == 0.0], "v")):
             if len(at):
+                marked = True
                 ax.plot(at, np.full(len(at), 0.04 + 0.05 * i), marker, markersize=5.0, clip_on=False, **style)
+    if marked:
+        ax.set_ylim(low - _ROOM * (high - low), high)
 
 
 def _open_up(ax: Axes, values: Floats, least: float) -> None:
