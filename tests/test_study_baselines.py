@@ -303,7 +303,7 @@ def test_what_crashed_is_no_baseline_and_is_measured_again(tmp_path: Path, capsy
         """,
         encoding="utf-8",
     )
-    crash = "response failed: y/u, amplitude 1 at 1 Hz: the FMU crashed: segmentation fault"
+    crash = "response: y/u, amplitude 1 at 1 Hz: the FMU crashed: segmentation fault"
     for words in ((), ("--update-baselines",), ()):
         assert run(["run", str(study), "--json", str(tmp_path / "out.json"), *words]) == 1
         out, said = capsys.readouterr()
@@ -380,3 +380,24 @@ def test_a_baseline_from_the_first_run_to_a_change(tmp_path: Path, capsys: pytes
     assert "s.baselines/step_plain.json: is not JSON (line 1, column 1)" in out
     assert "y at 1 s: off by 0.1, error bar" in out
     assert run(["run", "study:rudder_baselines", "--update-baselines"]) == 2
+
+
+def test_a_record_that_its_own_requirement_could_not_meet_is_no_baseline(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A time history states no errors: without a tolerance every run would be refused, the next one too."""
+    study = tmp_path / "s.toml"
+    study.write_text(
+        """
+        models.lag = "fmu:FirstOrderLag"
+        analyses.motion = {command = "simulate", model = "lag", input = {u = 1.0}, stop = 1.0}
+        requirements = [{name = "as before", analysis = "motion", kind = "baseline"}]
+        """,
+        encoding="utf-8",
+    )
+    assert run(["run", str(study), "--update-baselines"]) == 1
+    assert "not written, motion: the error of y at 0 s is not known" in capsys.readouterr().err
+    assert not (tmp_path / "s.baselines").exists()
+    study.write_text(study.read_text("utf-8").replace('"baseline"}', '"baseline", relative = 1e-3}'), encoding="utf-8")
+    for words in (["--update-baselines"], []):
+        assert run(["run", str(study), *words]) == 0

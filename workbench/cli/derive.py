@@ -99,9 +99,12 @@ def meant(requests: Sequence[type[Request[Any, Any]]], given: dict[str, Any]) ->
     )
     own = _options(request)
     for other in requests:
-        for name, (declared, _) in _options(other).items():
-            if name not in own and given.get(name) not in (None, _usual(declared)):
-                raise InputError(f"{declared.flag} is for {other.case or other.subject.metavar}; leave it out")
+        foreign = {name: declared for name, (declared, _) in _options(other).items() if name not in own}
+        flags_given = [d.flag for name, d in foreign.items() if given.get(name) not in (None, _usual(d))]
+        if flags_given:
+            verb, them = ("is", "it") if len(flags_given) == 1 else ("are", "them")
+            case = other.case or other.subject.metavar
+            raise InputError(f"{', '.join(flags_given)} {verb} for {case}; leave {them} out")
     words = _with_rest(request, words, given)
     for name, (declared, _) in own.items():
         if given.get(name) is not None:

@@ -129,7 +129,7 @@ def _renewed(file: Path, run: PlannedRun, outcome: RunResult | None, asked: Sequ
     if there and all(f.passed for f in findings):
         return "same, left as it is"
     for why in filter(None, (q.requirement.no_baseline(outcome.result) for q in asked)):
-        return f"not written, {run.label} failed: {why}"
+        return f"not written, {run.label}: {why}"
     _write(file, {**_record(outcome.result), _MADE: {"command_line": run.command_line, "files": run.subject["files"]}})
     return f"changed: {'; '.join(f.words for f in findings if not f.passed)}" if there else "new"
 

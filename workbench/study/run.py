@@ -295,7 +295,7 @@ def finding_of(
         if baseline is not None:
             lacking = "" if baseline.is_file() else requirement.no_baseline(results[0])
             if lacking:
-                return _none(requirement, f"{requirement.analysis} failed: {lacking}")
+                return _none(requirement, f"{requirement.analysis}: {lacking}")
             results.append(read_baseline(baseline))
         return requirement.find(results)
     except NotMeasured as error:

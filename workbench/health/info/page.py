@@ -23,8 +23,8 @@ _GROUPS = {
     "structural_parameters": "Structural parameters",
 }
 _DRIVEN = {True: "as the FMU says", False: "by others alone"}
-_FIRST = ("inputs", "outputs")  # what fits one screen
-_FEW = 12  # rows of a table there
+_FIRST = ("inputs", "outputs")  # what fits one screen, where all does not
+_FEW = 12  # rows of a table there, or of all
 _FULL = "--full"
 _INTERFACES = {"me": "model exchange (me)", "cs": "co-simulation (cs)"}
 _MANY = 30
@@ -152,6 +152,7 @@ def _capabilities(capabilities: Mapping[str, InterfaceFacts]) -> list[Section]:
 def _variables(record: FmuInfo | SystemInfo, *, full: bool) -> list[Section]:
     """Return tables of the variables; a terminal shows some inputs and outputs, and the others when asked for all."""
     result = []
+    few = sum(len(getattr(record, group, ())) for group in _GROUPS) <= _FEW
     items = record.enumerations if isinstance(record, FmuInfo) else {}
     for group, title in _GROUPS.items():
         variables: tuple[VariableFacts, ...] = getattr(record, group, ())
@@ -159,7 +160,7 @@ def _variables(record: FmuInfo | SystemInfo, *, full: bool) -> list[Section]:
             rows = _Rows(variables, items)
             columns = ("name", "type", "unit", "start", "description")
             table = PageTable(columns, rows, right=(3,), most=None if full else _FEW)
-            left_out = not full and group not in _FIRST
+            left_out = not (full or few or group in _FIRST)
             result.append(
                 Section(f"{title} ({len(rows)})", tables=[table], folded=len(rows) > _MANY, explains=left_out)
             )

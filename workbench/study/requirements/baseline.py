@@ -75,7 +75,13 @@ class Baseline(Requirement):
         lost = ((q, at, why) for q in chosen if q.along for at, why in q.failed.items())
         for quantity, at, why in lost:
             return f"{quantity.name} at {at:.6g} {quantity.along}: {why}"
-        return "" if any(np.any(~np.isnan(q.value)) for q in chosen) else "there is nothing to compare"
+        if not any(np.any(~np.isnan(q.value)) for q in chosen):
+            return "there is nothing to compare"
+        try:
+            self.compared([result, result])
+        except NotMeasured as error:  # one that could not even be met by itself
+            return str(error)
+        return ""
 
     def find(self, results: Sequence[Result]) -> Compliance:
         found = max(self.compared(results), key=lambda a: float(a.ratio[a.worst]))
