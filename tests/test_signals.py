@@ -133,6 +133,8 @@ def test_what_is_no_signal_is_refused_in_one_line(wrong: object) -> None:
 def test_a_model_that_is_not_open_is_refused_in_one_line() -> None:
     with pytest.raises(wb.InputError, match=r"'fmu:Rudder' is not open; write with wb\.load"):
         wb.simulate(cast("Any", "fmu:Rudder"), stop=1.0)
+    with pytest.raises(wb.InputError, match=r"'fmu:Rudder' is not open; write with wb\.load"):
+        wb.lin(cast("Any", "fmu:Rudder"))
 
 
 def test_a_whole_number_beyond_all_floats_is_one_line() -> None:

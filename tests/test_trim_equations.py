@@ -201,8 +201,9 @@ def test_an_output_beyond_saturation_cannot_be_had() -> None:
 def test_too_many_equations_are_explained_by_name() -> None:
     result = trim(lag(), fix={"y": 3.0})
     assert not result.converged
-    (note,) = told(result)
+    note, other = told(result)
     assert note.startswith("1 unknown (x), 2 equations (der(x), y = 3): over-determined by 1; free u")
+    assert other == "without the fixed values there is an equilibrium, with y = 0"
 
 
 def test_too_many_equations_that_agree_are_solved() -> None:
@@ -352,3 +353,12 @@ def test_more_unknowns_than_equations_need_not_leave_anything_open() -> None:
     none = trim(Plant(Equations(x={"x": 0.0}, u={"u": 0.0}, f=lambda v: [1.0 + v["x"] ** 2 + v["u"] ** 2])), free=["u"])
     assert not none.converged
     assert told(none)[0].endswith("under-determined by 1")
+
+
+@pytest.mark.parametrize("interface", ["me", "cs"])
+def test_where_it_rests_without_the_fixed_values_is_told(interface: str) -> None:
+    with wb.load("fmu:FirstOrderLag", interface=interface) as lag:
+        result = wb.trim(lag, fix={"y": 2.0}, u0={"u": 1.0})
+        assert not result.converged
+        assert "without the fixed values there is an equilibrium, with y = 1" in result.notes
+        assert not any("without the fixed" in note for note in wb.trim(lag, fix={"y": 1.0}, u0={"u": 1.0}).notes)

@@ -57,6 +57,7 @@ __all__ = [
     "ModelRequest",
     "Request",
     "Subject",
+    "answered",
     "asked_options",
     "command_line_of",
     "function",
@@ -435,7 +436,7 @@ def function(
     name = kind.called or kind.command.replace("-", "_")
     subject = kind.subject
     made: Any = with_options(
-        request, _run, name=name, first=subject.first, optional=subject.optional, returns=record_of(kind)
+        request, answered, name=name, first=subject.first, optional=subject.optional, returns=record_of(kind)
     )
     made.command_line = partial(_line_of, kind)
     return with_origin(*kind.parts)(made)
@@ -473,7 +474,17 @@ def record_of(request: type[Request[Any, Any]]) -> str:
     return str(record.__forward_arg__ if isinstance(record, ForwardRef) else record.__name__)
 
 
-def _run(subject: _Subject, request: Request[_Subject, _Record]) -> _Record:
+def answered(subject: _Subject, request: Request[_Subject, _Record]) -> _Record:
+    """Return the record of a request that was called as a function.
+
+    Args:
+        subject: that it is run on.
+        request: what is asked.
+
+    Raises:
+        InputError: a model that is not open.
+        StoppedError: it was interrupted; with what was finished.
+    """
     if request.subject.opened and isinstance(subject, str | PathLike):
         words = f"model: {str(subject)!r} is not open; write with wb.load({str(subject)!r}) as model: … and give model"
         raise InputError(words)

@@ -40,7 +40,7 @@ def lin_page(result: LinResult) -> Page:
     """Return the page of a linear model: response, poles, matrices, point, what is doubtful and why rows are zero."""
     return Page(
         title=f"Linear model of {result.model}",
-        lead=" ".join([_kind(result), *_motion(result)]),
+        lead=" ".join([_kind(result), *_motion(result), *_how_doubtful(result)]),
         facts=_facts(result),
         sections=[
             *_response(result),
@@ -104,6 +104,10 @@ def _facts(result: LinResult) -> dict[str, str]:
 
 def _names(names: Sequence[str]) -> str:
     return ", ".join(names) or "none"
+
+
+def _how_doubtful(result: LinResult) -> list[str]:
+    return [f"{counted(len(result.doubts), 'entry', 'entries')} in doubt."] if result.doubts else []
 
 
 def _doubts(result: LinResult) -> list[Verdict]:

@@ -10,16 +10,15 @@ from workbench.core.records.option import EACH, Options, option, with_options
 from workbench.core.values.calendar import TOGETHER
 from workbench.core.values.operating_point import AtPoint
 from workbench.errors import InputError
-from workbench.jobs.job import Job
 from workbench.jobs.options import InParts
 from workbench.requests.decorator import with_origin
-from workbench.requests.request import ModelRequest, function
+from workbench.requests.request import ModelRequest, answered, function
 from workbench.signals.text import Signals
 
 if TYPE_CHECKING:
     from workbench.model import Model
     from workbench.point.lin.grid import LinGrid  # noqa: F401 - the answer's type
-    from workbench.point.lin.result import LinResult
+    from workbench.point.lin.result import LinResult  # noqa: F401 - as above
     from workbench.point.lin.state_space import LinearModel
     from workbench.point.lin.varying_result import VaryingModel  # noqa: F401 - as above
 
@@ -283,15 +282,11 @@ class LinAlong(Perturbed, _ChosenVariables, ModelRequest["LinGrid"]):
 def _state_space(model: Model, request: Lin) -> LinearModel:
     from workbench.point.lin.state_space import LinearModel  # noqa: PLC0415 - python-control is slow to import
 
-    return LinearModel(request.run(model, Job(request.progress)))
-
-
-def _result(model: Model, request: Lin) -> LinResult:
-    return request.run(model, Job(request.progress))
+    return LinearModel(answered(model, request))
 
 
 # What analyses call that need no model of python-control, which takes a second to load.
-lin_result = with_origin()(with_options(Lin, _result, name="lin", first=Lin.subject.first))
+lin_result = with_origin()(with_options(Lin, answered, name="lin", first=Lin.subject.first))
 lin = with_origin("result")(with_options(Lin, _state_space, name="lin", first=Lin.subject.first))
 lin_over = function(LinOver)
 lin_varying = function(LinVarying)

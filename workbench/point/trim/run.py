@@ -11,7 +11,7 @@ import numpy as np
 
 from workbench.core.values.arrays import Floats
 from workbench.core.values.calendar import PeriodsError
-from workbench.core.values.operating_point import OperatingPoint
+from workbench.core.values.operating_point import OperatingPoint, told
 from workbench.errors import EndedError, InputError, SimulationError
 from workbench.jobs.job import SLOW, Job
 from workbench.model import DescribedModel, Model, Variable
@@ -86,8 +86,22 @@ class _TrimRun:
         if self.model.interface == "cs" and not result.converged:
             way = (f"co-simulation shows no derivatives that could be solved for; {self.model.way_out()}",)
         result = replace(result, operating_point=named(self.model, result.operating_point))
+        way += () if result.converged else self._without_fixed()
         notes = (*result.notes, *way, *self._why_no_start(result), *self.model.remarks())
         return replace(result, notes=notes)
+
+    def _without_fixed(self) -> tuple[str, ...]:
+        """Say where the model rests without the values that it was to have."""
+        if not self.sets.fix:
+            return ()
+        try:
+            other = _TrimRun(self.model, replace(self.sets, fix={}), self.time, self.request, self.job).run()
+        except SimulationError:
+            return ()
+        point = other.operating_point
+        values = {**point.values, **point.y}
+        rests = ", ".join(f"{name} = {told(values[name]):.6g}" for name in self.sets.fix if name in values)
+        return (f"without the fixed values there is an equilibrium, with {rests}",) if other.converged else ()
 
     def _why_no_start(self, result: TrimResult) -> tuple[str, ...]:
         """Say why nothing can start at a point with discrete states, which are set before initialisation only."""
