@@ -23,7 +23,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from workbench.show.figure import rows
-from workbench.show.tables import bracketed
+from workbench.show.tables import behind, bracketed
 
 if TYPE_CHECKING:
     from workbench.limit_cycles.limit_cycle.branch import Branch, BranchPoint
@@ -168,24 +168,28 @@ def _motion(ax: Axes, result: LimitCycleResult, names: list[str]) -> None:
 
 
 def _outputs(ax: Axes, result: LimitCycleResult, names: list[str]) -> None:
-    """Draw other variables over one period, each over its own amplitude: their units have nothing in common."""
+    """Draw other variables over one period; where their units differ, each over its own amplitude."""
     cycle = result.simulated
     if cycle is None or not names:
         ax.axis("off")
         return
     begin = cycle.time[-1] - 1.0 / cycle.frequency_hz
     shown = cycle.time >= begin
+    units = {cycle.units.get(name) for name in names}
     for number, name in enumerate(names):
-        size = cycle.amplitude[name]
-        value = (cycle.values[name][shown] - cycle.mean[name]) / (size or 1.0)
-        unit = cycle.units.get(name)
-        text = f"{name}, ±{size:.4g}{f' {unit}' if unit and unit != '1' else ''}"
-        ax.plot(
-            (cycle.time[shown] - begin) * cycle.frequency_hz, value, color=COLOURS[number % len(COLOURS)],
-            linewidth=1.3, label=text,
-        )  # fmt: skip
-    ax.set(xlabel="time [periods]", ylabel="(value − mean) / amplitude", ylim=(-1.1, 1.2 + 0.28 * len(names)))
-    ax.set_yticks([-1.0, -0.5, 0.0, 0.5, 1.0])
+        size, value = cycle.amplitude[name], cycle.values[name][shown]
+        if len(units) > 1:
+            value = (value - cycle.mean[name]) / (size or 1.0)
+        text = f"{name}, ±{size:.4g}{behind(cycle.units.get(name))}"
+        style: dict[str, Any] = {"color": COLOURS[number % len(COLOURS)], "linewidth": 1.3, "label": text}
+        ax.plot((cycle.time[shown] - begin) * cycle.frequency_hz, value, **style)
+    if len(units) > 1:
+        ax.set(ylabel="(value − mean) / amplitude", yticks=[-1.0, -0.5, 0.0, 0.5, 1.0])
+    else:
+        ax.set_ylabel(bracketed(names[0] if len(names) == 1 else "value", units.pop()))
+    ax.set_xlabel("time [periods]")
+    low, high = ax.get_ylim()
+    ax.set_ylim(low, high + (0.05 + 0.14 * len(names)) * (high - low))  # for the legend
     ax.legend(**{**LEGEND, "loc": "upper left", "fontsize": 8.0})
 
 
