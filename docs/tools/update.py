@@ -51,7 +51,9 @@ def _update(path: Path) -> int:
         shown = run_page(page, folder)
         path.write_text(with_shown(page, shown), encoding="utf-8")
         for owner, picture in pictures_of(page):
-            if owner == path.stem:
+            if owner == path.stem and not (folder / picture).exists():
+                sys.stdout.write(f"{path.relative_to(DOCS)}: {picture} is of no block and stays as it is\n")
+            elif owner == path.stem:
                 (DOCS / "pictures" / owner).mkdir(parents=True, exist_ok=True)
                 _keep(folder / picture, DOCS / "pictures" / owner / picture)
     # What was written in place agrees by itself; blocks with gaps are the author's.
