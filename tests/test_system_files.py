@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from tests.system_fmus import description_of, plain_fmu
+from workbench.cli.app import run
 from workbench.core.values.conversion import BASE_UNITS, Unit, conversion, is_same_unit, known_unit
 from workbench.errors import FmuError, InputError
 from workbench.fmi.variable import Variable
@@ -477,3 +478,14 @@ def test_other_units_are_not_known(name: str) -> None:
 def test_definitions_come_before_symbols() -> None:
     foot = Unit("ft", tuple(int(b == "m") for b in BASE_UNITS), 0.3048006096)
     assert known_unit("ft", {"ft": foot}) == foot
+
+
+def test_a_block_as_a_key_and_a_gain_as_a_block_say_how_they_are_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "s.toml"
+    file.write_text('[components]\nplant = {integrator = 1.0}\n[outputs]\ny = "plant.y"\n', encoding="utf-8")
+    assert run(["info", str(file)]) == 2
+    assert 'write {block = "integrator", …} (workbench info --blocks integrator)' in capsys.readouterr().err
+    assert run(["info", "--blocks", "sum"]) == 2
+    assert 'sum is no block; a system file has it as NAME = {sum = "+-"}' in capsys.readouterr().err

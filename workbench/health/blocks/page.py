@@ -13,7 +13,7 @@ def blocks_page(result: BlocksResult) -> Page:
     """Return the page of blocks: one table for each group, or one section for each block."""
     groups = dict.fromkeys(b.group for b in result.blocks)
     listed = [_listed(group, [b for b in result.blocks if b.group == group]) for group in groups]
-    lead = "In a system file: NAME = {block = KIND, parameters}. "
+    lead = 'In a system file: NAME = {block = KIND, parameters}; a gain is NAME = 2.0, a sum NAME = {sum = "+-"}. '
     return Page(
         title=", ".join(b.kind for b in result.blocks) if result.detailed else "Blocks",
         lead=lead + ("" if result.detailed else "`workbench info --blocks KIND` shows one with its parameters."),

@@ -16,6 +16,8 @@ from workbench.system.block_table.registry import BLOCKS, entry_of, sample_of
 
 __all__ = ["run"]
 
+_SHORT = {"gain": "2.0", "sum": '{sum = "+-"}'}  # components that are no blocks
+
 
 def run(kinds: Sequence[str], request: Blocks, job: Job) -> BlocksResult:
     """Return what is known of blocks.
@@ -27,6 +29,8 @@ def run(kinds: Sequence[str], request: Blocks, job: Job) -> BlocksResult:
     """
     del request  # it has no options
     for kind in kinds:
+        if kind in _SHORT:
+            raise InputError(f"{kind} is no block; a system file has it as NAME = {_SHORT[kind]}")
         if kind not in BLOCKS:
             raise InputError(f"block '{kind}' is unknown; {suggest(kind, BLOCKS)}")
     described = tuple(_kind(BLOCKS[kind]) for kind in (kinds or BLOCKS))

@@ -71,6 +71,8 @@ def read_component(name: str, given: object, folder: Path) -> Component:
 def _what_is_missing(given: Mapping[str, Any]) -> str:
     choices = ", ".join(_READERS)
     for key in given:
+        if key in BLOCKS:
+            return f"key '{key}' is a block's kind; write {{block = \"{key}\", …}} (workbench info --blocks {key})"
         if close_names(str(key), _READERS):
             return f"key '{key}' is unknown; {suggest(str(key), _READERS)}"
     return f"does not say what it is; give one of: {choices}"
