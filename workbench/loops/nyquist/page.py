@@ -7,18 +7,23 @@ import math
 from workbench.loops.nyquist.absolute import AbsoluteStability
 from workbench.loops.nyquist.result import Crossing, NyquistResult
 from workbench.show.page import Page, PageTable, Section
-from workbench.show.tables import counted, number, sentence
+from workbench.show.tables import bracketed, counted, number, sentence
 
 __all__ = ["STABLE", "absolute_page", "absolute_section", "crossings_section", "nyquist_page"]
 
 STABLE = {True: "stable", False: "unstable", None: "not known"}
 
 
-def crossings_section(result: NyquistResult) -> Section:
-    """Return the crossings of a Nyquist curve with −1/N(A)."""
+def crossings_section(result: NyquistResult, unit: str | None = None) -> Section:
+    """Return the crossings of a Nyquist curve with −1/N(A).
+
+    Args:
+        result: with the crossings.
+        unit: of the amplitude; None: not known, or none.
+    """
     headings = (
-        "", "frequency [Hz]", "L there", "gain −1/L", "amplitude", "unstable poles at less gain", "at more",
-        "distortion [%]", "cycle",
+        "", "frequency [Hz]", "L there", "gain −1/L", bracketed("amplitude", unit),
+        "unstable poles at less gain", "at more", "distortion [%]", "cycle",
     )  # fmt: skip
     rows = [_crossing(i, c) for i, c in enumerate(result.crossings, 1)]
     table = PageTable(headings, rows, right=range(8))
