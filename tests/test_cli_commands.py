@@ -20,11 +20,15 @@ def test_info_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["info", "fmu:FirstOrderLag@3"]) == 0
     out = capsys.readouterr().out
     assert "FMI: 3.0, co-simulation (cs), model exchange (me)" in out
-    assert "--full also shows: States (1), Parameters (" in out
-    assert "\ntau " not in out
-    assert run(["info", "fmu:FirstOrderLag@3", "--full"]) == 0
+    assert "\ntau " in out  # all of a small model
+    assert "--full also shows: Declared capabilities" in out
+    assert run(["info", "fmu:Rudder@3"]) == 0
     out = capsys.readouterr().out
-    assert "\ntau " in out
+    assert "--full also shows: States (8), Parameters (31)" in out
+    assert "\naeroDamping " not in out
+    assert run(["info", "fmu:Rudder@3", "--full"]) == 0
+    out = capsys.readouterr().out
+    assert "\naeroDamping " in out
     assert "also shows" not in out
 
 
