@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,7 @@ _FURTHER = 3  # steps of Newton's method from a root without slope
 _CLOSER = 0.8  # the last of these over the first; 0.9³ = 0.73 towards a tenfold root, 0.96 for e^-x² from 6, 1 for e^-x
 _REGULAR = 0.1  # largest singular value, at least, where slopes do not vanish; 1 for a straight line
 _STRAIGHT = 0.5  # part by which differences may differ from slopes where those speak for all combinations
+_TOGETHER = 1e-3  # part by which equations may change otherwise when all unknowns are moved together: they bend
 _LARGE = 1e300  # stands for what cannot be evaluated
 _VERY_FAR = 1e6  # reaches: rounding is 1e-10 of a reach there, and may hide what was seen at the start
 
@@ -107,10 +109,23 @@ class _Neighbourhood:
 
     def change(self, sums: _Combinations) -> Floats:
         """Return the change of combinations of equations when each unknown moves by its reach, shape (r,)."""
-        if not len(self.column):
-            return np.zeros(sums.count)
-        first = np.flatnonzero(np.diff(self.column, prepend=-1))
-        return np.asarray(np.maximum.reduceat(np.abs(sums.of(self.moved)) / self.part[:, None], first).sum(axis=0))
+        return self._change[: sums.count] if sums.weights is None else self._change_of(sums.of(self.moved))
+
+    @cached_property
+    def _change(self) -> Floats:
+        """Of the equations, shape (e,)."""
+        return self._change_of(self.moved)
+
+    def _change_of(self, moved: Floats) -> Floats:
+        sizes = np.abs(moved)
+        sizes /= self.part[:, None]
+        first, last = (np.flatnonzero(np.diff(self.column, **end)) for end in ({"prepend": -1}, {"append": -1}))
+        return np.asarray(np.maximum(sizes[first], sizes[last]).sum(axis=0))  # both sides of an unknown, or the only
+
+    @cached_property
+    def _largest(self) -> Floats:
+        """Largest change of each equation, shape (e,)."""
+        return np.asarray(np.abs(self.moved).max(axis=0, initial=0.0))
 
     def noise(self, sums: _Combinations) -> Floats:
         """Return what cannot be told from zero in combinations of equations, shape (r,)."""
@@ -119,9 +134,9 @@ class _Neighbourhood:
 
     def flat(self, sums: _Combinations) -> NDArray[np.bool_]:
         """Return which combinations do not change around the point, shape (r,)."""
-        largest = np.abs(sums.of(self.moved)).max(axis=0, initial=0.0)
-        mixed = self.mixing * sums.of_sizes(np.abs(self.moved).max(axis=0, initial=0.0))
-        return np.asarray(largest <= self.noise(sums) + mixed)
+        single = sums.weights is None
+        largest = self._largest[: sums.count] if single else np.abs(sums.of(self.moved)).max(axis=0, initial=0.0)
+        return np.asarray(largest <= self.noise(sums) + self.mixing * sums.of_sizes(self._largest))
 
 
 @dataclass(frozen=True, eq=False)
@@ -320,10 +335,7 @@ class EquilibriumTest:
 
     def _look_around(self, w: Floats) -> _Neighbourhood:
         here = np.nan_to_num(self._scaled.residuals(w), nan=_LARGE, posinf=_LARGE, neginf=-_LARGE)
-        reach = np.maximum(1.0, np.abs(w))
-        sides = [(j, s, r) for j in range(len(w)) for s in (1.0, -1.0) if (r := self._beside(w, j, s * reach[j]))]
-        moved = np.array([r[1] - here for _, _, r in sides]).reshape(len(sides), len(here))
-        part = np.array([r[0] for _, _, r in sides]) / reach[[j for j, _, _ in sides]] if sides else np.zeros(0)
+        moved, part, column = self._at_once(w, here) or self._one_by_one(w, here)
         signs = np.random.default_rng(2).choice([-1.0, 1.0], size=(len(_SCATTER), len(w)))
         ulps = np.array(_SCATTER)[:, None] * np.spacing(np.abs(w)) * signs
         scatter = [self._scaled.residuals(self._scaled.inside(w + u)) - here for u in ulps] if len(w) else []
@@ -332,11 +344,44 @@ class EquilibriumTest:
             here,
             moved,
             part,
-            np.array([j for j, _, _ in sides], dtype=np.intp),
+            column,
             np.nan_to_num(np.array(scatter).reshape(len(scatter), len(here)), nan=0.0, posinf=0.0, neginf=0.0),
             self._scaled.rounding(w),
             self._scaled.problem.balance.precision ** (2.0 / 3.0),
         )
+
+    def _one_by_one(self, w: Floats, here: Floats) -> tuple[Floats, Floats, NDArray[np.intp]]:
+        """Return how the equations change when one unknown is moved: `moved`, `part` and `column`."""
+        reach = np.maximum(1.0, np.abs(w))
+        sides = [(j, r) for j in range(len(w)) for s in (1.0, -1.0) if (r := self._beside(w, j, s * reach[j]))]
+        column = np.array([j for j, _ in sides], dtype=np.intp)
+        moved = np.array([r[1] - here for _, r in sides]).reshape(len(sides), len(here))
+        return moved, np.array([r[0] for _, r in sides]) / reach[column], column
+
+    def _at_once(self, w: Floats, here: Floats) -> tuple[Floats, Floats, NDArray[np.intp]] | None:
+        """Return the same with unknowns moved at once that change no equation in common, as declared.
+
+        None: that is not declared, an unknown is at its bound, or the equations change in another way when all unknowns
+        are moved together.
+        """
+        k, scaled, reach = len(w), self._scaled, np.maximum(1.0, np.abs(w))
+        moved, step = np.zeros((k, 2, len(here))), np.zeros((k, 2))
+        for members, rows, by in scaled.groups:
+            for side, sign in enumerate((1.0, -1.0)):
+                at = w.copy()
+                at[members] += sign * self._width * reach[members]
+                at = scaled.inside(at)
+                moved[by, side, rows] = (scaled.residuals(at) - here)[rows]
+                step[members, side] = np.abs(at - w)[members]
+        if not scaled.groups or not (step > 0.0).all() or not np.isfinite(moved).all():
+            return None
+        side = np.random.default_rng(5).integers(0, 2, size=k)
+        expected = moved[np.arange(k), side]
+        at = scaled.inside(w + np.where(side, -1.0, 1.0) * self._width * reach)
+        apart = np.abs(scaled.residuals(at) - here - expected.sum(axis=0))
+        if not (apart <= _TOGETHER * np.abs(expected).sum(axis=0) + _ROUNDING * np.abs(here)).all():
+            return None
+        return moved.reshape(2 * k, -1), (step / reach[:, None]).ravel(), np.repeat(np.arange(k), 2)
 
     def _beside(self, w: Floats, j: int, reach: float) -> tuple[float, Floats] | None:
         """Return how far unknown `j` could be moved and the equations there; None: not at all."""
