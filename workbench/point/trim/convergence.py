@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.core.values.arrays import Floats
-from workbench.point.trim.null_space import RANK, Solver, least_norm, readable, regular
+from workbench.point.trim.null_space import RANK, Factors, Solver, least_norm, readable, regular
 from workbench.point.trim.scaled import ScaledEquations
 
 __all__ = ["EquilibriumTest", "SearchResult"]
@@ -34,6 +35,7 @@ _CLOSER = 0.8  # the last of these over the first; 0.9³ = 0.73 towards a tenfol
 _REGULAR = 0.1  # largest singular value, at least, where slopes do not vanish; 1 for a straight line
 _STRAIGHT = 0.5  # part by which differences may differ from slopes where those speak for all combinations
 _TOGETHER = 1e-3  # part by which equations may change otherwise when all unknowns are moved together: they bend
+_SURELY = 2.0  # times a bound with a singular value that inverse iteration finds to a part of it
 _LARGE = 1e300  # stands for what cannot be evaluated
 _VERY_FAR = 1e6  # reaches: rounding is 1e-10 of a reach there, and may hide what was seen at the start
 
@@ -117,10 +119,10 @@ class _Neighbourhood:
         return self._change_of(self.moved)
 
     def _change_of(self, moved: Floats) -> Floats:
-        sizes = np.abs(moved)
-        sizes /= self.part[:, None]
-        first, last = (np.flatnonzero(np.diff(self.column, **end)) for end in ({"prepend": -1}, {"append": -1}))
-        return np.asarray(np.maximum(sizes[first], sizes[last]).sum(axis=0))  # both sides of an unknown, or the only
+        first = np.flatnonzero(np.diff(self.column, prepend=-1))
+        last = np.flatnonzero(np.diff(self.column, append=-1))  # both sides of an unknown, or the only one
+        sizes, others = (np.abs(moved[at]) / self.part[at, None] for at in (first, last))
+        return np.asarray(np.maximum(sizes, others, out=sizes).sum(axis=0))
 
     @cached_property
     def _largest(self) -> Floats:
@@ -137,6 +139,14 @@ class _Neighbourhood:
         single = sums.weights is None
         largest = self._largest[: sums.count] if single else np.abs(sums.of(self.moved)).max(axis=0, initial=0.0)
         return np.asarray(largest <= self.noise(sums) + self.mixing * sums.of_sizes(self._largest))
+
+
+def _off(factors: Factors, differences: Floats) -> float:
+    """Return ‖M‖∞ of differences of one side, shape (n, n), an unknown a row; see `EquilibriumTest._certain`."""
+    off = factors.solve(differences.T)
+    off *= np.sign(np.diag(off))
+    off[np.diag_indices_from(off)] -= 1.0
+    return float(np.abs(off, out=off).sum(axis=1).max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,10 +290,14 @@ class EquilibriumTest:
         sides = (np.diff(around.column, prepend=-1) > 0, np.diff(around.column, append=n) > 0)
         if factors is None or self._way(w, self._home) >= _VERY_FAR or len(np.unique(around.column)) < n:
             return False
-        for side in sides:
-            off = factors.solve((around.moved[side, own] / around.part[side, None] / scales).T)
-            if np.abs(off * np.sign(np.diag(off)) - np.eye(n)).sum(axis=1).max() > _STRAIGHT:
-                return False
+        above, below = (around.moved[side, own] / around.part[side, None] / scales for side in sides)
+        bent = _off(factors, above)
+        if bent > _STRAIGHT:
+            return False
+        # Of a straight line both sides are opposite: ‖J⁻¹E‖∞ ≤ √n ‖E‖₂/σ of what they are not is small.
+        other = _SURELY * math.sqrt(n) * float(np.linalg.norm(above + below)) / factors.least
+        if bent + other > _STRAIGHT and _off(factors, below) > _STRAIGHT:
+            return False
         width = float(around.part.min())
         moved = self._scaled.inside(w + width * reach * np.random.default_rng(4).choice([-1.0, 1.0], size=n))
         together = factors.solve((self._scaled.residuals(moved)[own] - around.here[own]) / scales)
@@ -375,9 +389,9 @@ class EquilibriumTest:
                 step[members, side] = np.abs(at - w)[members]
         if not scaled.groups or not (step > 0.0).all() or not np.isfinite(moved).all():
             return None
-        side = np.random.default_rng(5).integers(0, 2, size=k)
-        expected = moved[np.arange(k), side]
-        at = scaled.inside(w + np.where(side, -1.0, 1.0) * self._width * reach)
+        way = np.random.default_rng(5).integers(0, 2, size=k)
+        expected = moved[np.arange(k), way]
+        at = scaled.inside(w + np.where(way, -1.0, 1.0) * self._width * reach)
         apart = np.abs(scaled.residuals(at) - here - expected.sum(axis=0))
         if not (apart <= _TOGETHER * np.abs(expected).sum(axis=0) + _ROUNDING * np.abs(here)).all():
             return None
