@@ -68,7 +68,7 @@ def test_modes_are_those_of_chains_and_rings(n: int, corner: float) -> None:
 
 def chain(seed: int, leak: float) -> tuple[Floats, np.random.Generator]:
     """Return A of a chain of storages of different sizes; without a leak it has a pole at 0."""
-    rng, n = np.random.default_rng(seed), 60
+    rng, n = np.random.default_rng(seed), 260
     g, sizes = 1e3 * rng.uniform(0.5, 2.0, n - 1), 10.0 ** rng.uniform(-1.0, 1.0, n)
     S = np.diag(g, 1) + np.diag(g, -1)
     return (S - np.diag(S.sum(axis=1)) - np.diag(leak * np.eye(n)[0])) / sizes[:, None], rng
@@ -79,12 +79,12 @@ def some_and_all(A: Floats) -> tuple[Eigenmodes, Eigenmodes]:
     some, every = Eigenmodes.of(A, QUICK, 1.0), Eigenmodes.of(A)
     assert some is not None
     assert every is not None
-    assert len(some.poles) < 20 < len(every.poles)
+    assert 3 * len(some.poles) < len(every.poles) == len(A)
     return some, every
 
 
 @pytest.mark.parametrize("leak", [0.0, 50.0, -50.0])  # an integrator, a stable and an unstable one
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_held_inputs_of_a_chain_need_its_slow_modes_only(seed: int, leak: float) -> None:
     A, rng = chain(seed, leak)
     some, _ = some_and_all(A)
@@ -94,7 +94,7 @@ def test_held_inputs_of_a_chain_need_its_slow_modes_only(seed: int, leak: float)
     np.testing.assert_allclose(some.held(c, OVER), wanted, rtol=0.0, atol=1e-11 * np.abs(wanted).max())
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_bound_by_slow_modes_is_none_below_that_by_all(seed: int) -> None:
     """And not much above where the defects are smooth: quick modes have little of them."""
     A, rng = chain(seed, 50.0)

@@ -19,6 +19,7 @@ __all__ = ["Eigenmodes", "symmetric_form"]
 _SYMMETRIC = 1e-11  # pairs of entries that are as equal as products of ratios along a path leave them
 _HARMLESS = 1e4  # largest ratio of scales: so many digits of sixteen an eigenvector may lose by it
 _EXACT = 1e-9  # eigenvectors that give the matrix back to this relative accuracy are used
+_ALL = 200  # states: of no more, all modes are found as fast as the slow ones
 _SHIFT, _TERMS = 1e-2, 9  # of the least rate that is left out; of the series in it: 1e-18
 
 
@@ -73,17 +74,22 @@ class Eigenmodes:
     def _of_chain(cls, d: Floats, diagonal: Floats, beside: Floats, quickest: tuple[float, float]) -> Eigenmodes:
         """Return modes of D·S·D⁻¹ with a tridiagonal S; see `of`."""
         from scipy.linalg import eigh_tridiagonal  # noqa: PLC0415  slow to import
+        from scipy.linalg.lapack import dstevd  # noqa: PLC0415  as above
 
         n, (quick, span) = len(d), quickest
-        slowest = eigh_tridiagonal(diagonal, beside, eigvals_only=True, select="i", select_range=(n - 1, n - 1))
-        beyond = max(quick, span * abs(float(slowest[0])))
+        beyond = math.inf
+        if n > _ALL:
+            slowest = eigh_tridiagonal(diagonal, beside, eigvals_only=True, select="i", select_range=(n - 1, n - 1))
+            beyond = max(quick, span * abs(float(slowest[0])))
         # No eigenvalue is larger than a sum of magnitudes in a row (Gershgorin).
-        least = -float((np.abs(diagonal) + np.abs(np.append(beside, 0.0)) + np.abs(np.append(0.0, beside))).max())
-        if beyond > -least:
-            rates, q = eigh_tridiagonal(diagonal, beside)
-            return cls(rates.astype(np.complex128), q * d[:, None], q.T / d)
-        rates, q = eigh_tridiagonal(diagonal, beside, select="v", select_range=(-beyond, 1.0 - least))
-        return cls(rates.astype(np.complex128), q * d[:, None], q.T / d, beyond, (d, diagonal, beside))
+        largest = float((np.abs(diagonal) + np.abs(np.append(beside, 0.0)) + np.abs(np.append(0.0, beside))).max())
+        if beyond <= largest:
+            rates, q = eigh_tridiagonal(diagonal, beside, select="v", select_range=(-beyond, 1.0 + largest))
+            return cls(rates.astype(np.complex128), q * d[:, None], q.T / d, beyond, (d, diagonal, beside))
+        rates, q, failed = dstevd(diagonal, beside)
+        if failed:
+            raise np.linalg.LinAlgError
+        return cls(rates.astype(np.complex128), q * d[:, None], q.T / d)
 
     def held(self, c: Floats, period: float) -> Floats:
         """Return c·∫₀ᵀ e^(At) dt, shape (n,).

@@ -389,13 +389,24 @@ class EquilibriumTest:
                 step[members, side] = np.abs(at - w)[members]
         if not scaled.groups or not (step > 0.0).all() or not np.isfinite(moved).all():
             return None
-        way = np.random.default_rng(5).integers(0, 2, size=k)
-        expected = moved[np.arange(k), way]
-        at = scaled.inside(w + np.where(way, -1.0, 1.0) * self._width * reach)
-        apart = np.abs(scaled.residuals(at) - here - expected.sum(axis=0))
-        if not (apart <= _TOGETHER * np.abs(expected).sum(axis=0) + _ROUNDING * np.abs(here)).all():
+        if not all(self._together(w, here, moved, random) for random in map(np.random.default_rng, (5, 6))):
             return None
         return moved.reshape(2 * k, -1), (step / reach[:, None]).ravel(), np.repeat(np.arange(k), 2)
+
+    def _together(self, w: Floats, here: Floats, moved: Floats, random: np.random.Generator) -> bool:
+        """Whether all unknowns moved together, each to one side and by a part of its own, change equations as alone.
+
+        Args:
+            w: shape (k,).
+            here: the equations there, shape (e,).
+            moved: their changes, shape (k, 2, e).
+            random: what chooses.
+        """
+        side, part = random.integers(0, 2, size=len(w)), random.uniform(0.5, 1.0, len(w))
+        expected = moved[np.arange(len(w)), side] * part[:, None]
+        step = np.where(side, -1.0, 1.0) * part * self._width * np.maximum(1.0, np.abs(w))
+        apart = np.abs(self._scaled.residuals(self._scaled.inside(w + step)) - here - expected.sum(axis=0))
+        return bool((apart <= _TOGETHER * np.abs(expected).sum(axis=0) + _ROUNDING * np.abs(here)).all())
 
     def _beside(self, w: Floats, j: int, reach: float) -> tuple[float, Floats] | None:
         """Return how far unknown `j` could be moved and the equations there; None: not at all."""

@@ -53,7 +53,8 @@ def contracts(session: CompiledMeSession, task: PointTask, result: Solved, origi
     if (rates < -NEUTRAL * task.frequency).any():
         return False
     times, moves = _linear_run(task, linear.modes, forced)
-    looked, stand = _telling(moves, linear.smallest), Stand(instance)
+    far = np.abs(moves).max(axis=1)
+    looked, stand = _telling(moves, far / np.maximum(linear.smallest, 1e-300)), Stand(instance)
     drive = task.amplitude * np.sin(2.0 * np.pi * task.frequency * times[looked])
     try:
         dx = [
@@ -66,7 +67,7 @@ def contracts(session: CompiledMeSession, task: PointTask, result: Solved, origi
         wanted = linear.dx0[:, None] + linear.part.A @ moves[:, looked] + linear.part.B * drive
     shift = linear.modes.bound(np.transpose(dx) - wanted, np.maximum(rates, task.frequency / task.max_periods))
     away = np.abs(result.x - origin - task.amplitude * forced.states.imag + forced.rest)
-    return bool((shift + away <= _FOLLOWS * np.maximum(np.abs(moves).max(axis=1), linear.smallest)).all())
+    return bool((shift + away <= _FOLLOWS * np.maximum(far, linear.smallest)).all())
 
 
 def _linear_run(task: PointTask, modes: Eigenmodes, forced: LinearSineResponse) -> tuple[Floats, Floats]:
@@ -80,13 +81,14 @@ def _linear_run(task: PointTask, modes: Eigenmodes, forced: LinearSineResponse) 
     with one_thread():
         free = (vectors[:, left] @ ((inverse[left] @ start)[:, None] * np.exp(np.outer(rates, times)))).real
     free[:, 0] = start
-    steady = task.amplitude * np.imag(np.outer(forced.states, np.exp(1j * omega * times)))
+    parts = np.column_stack([forced.states.real, forced.states.imag])  # of Im X·e^(jωt)
+    steady = task.amplitude * parts @ np.array([np.sin(omega * times), np.cos(omega * times)])
     return times, free + steady - forced.rest[:, None]
 
 
-def _telling(moves: Floats, smallest: Floats) -> list[int]:
+def _telling(moves: Floats, far: Floats) -> list[int]:
     """Return the instants at which a run is compared: some evenly spaced, and the extremes of the largest states."""
-    largest = np.argsort(-np.abs(moves).max(axis=1) / np.maximum(smallest, 1e-300))[:_EXTREMES]
+    largest = np.argsort(-far)[:_EXTREMES]
     even = np.linspace(0, GRID - 1, _EVENLY, dtype=int)
     result: list[int] = np.unique([*even, *moves[largest].argmax(axis=1), *moves[largest].argmin(axis=1)]).tolist()
     return result
