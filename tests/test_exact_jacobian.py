@@ -60,10 +60,9 @@ class Linear:
 def found(instance: Linear, rows: Sequence[int], declared: Floats | None) -> tuple[Floats, Counter[str]]:
     """Return the Jacobian of some rows, and the calls."""
     calls: Counter[str] = Counter()
-    full = np.full(instance.matrix.shape, np.nan)
     named = [{i: Variable(f"{kind}{i}", element=i) for i in some} for kind, some in (("y", rows), ("x", range(N)))]
     pattern = None if declared is None else pattern_of([list(np.flatnonzero(row)) for row in declared], N)
-    ExactJacobian(cast("Instance", instance), named[0], named[1], calls).fill(full, pattern)
+    full = ExactJacobian(cast("Instance", instance), named[0], named[1], calls).full(instance.matrix.shape, pattern)
     return full, calls
 
 

@@ -174,6 +174,21 @@ def test_columns_that_the_description_lies_about_move_one_by_one(folder: Path, d
     np.testing.assert_allclose(found.A, rod(path=0.25)[0], atol=1e-4)
 
 
+@pytest.mark.parametrize(("kind", "path", "most"), [("rod", 0.0, N), ("chain", 0.0, N), ("lying", 0.25, 4 * N)])
+def test_trim_moves_unknowns_at_once_where_the_description_is_true(
+    folder: Path, kind: str, path: float, most: int
+) -> None:
+    """One by one it takes two evaluations a state around the end alone."""
+    with wb.load(build_large(folder, kind, N)) as model:
+        found = wb.trim(model, fix={"u": 1.0}, in_process=True)
+    assert found.converged
+    assert found.evaluations < most
+    assert (found.evaluations > 2 * N) == (kind == "lying")
+    if kind != "chain":
+        A, B = rod(path=path)
+        np.testing.assert_allclose(list(found.operating_point.x.values()), -np.linalg.solve(A, B), rtol=1e-8)
+
+
 def test_a_large_nonlinear_model_is_linearised_where_it_stands(folder: Path) -> None:
     x0 = {f"q[{i + 1}]": 0.5 + 0.01 * i for i in range(N // 2)}
     for directional_derivatives in (True, False):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from tests.lin_fmus import built
-from workbench.model.load import load
+from workbench.fmi.instance import Instance
+from workbench.model.load import FmuModel, load
 from workbench.point.lin.request import lin
 
 PRODUCT = """model Product "an input acts through a state that is 0 at the start"
@@ -38,3 +39,23 @@ def test_a_point_that_moves_is_told(method: str) -> None:
     with load(built(PRODUCT, "Product"), "me") as model:
         result = lin(model, method=method, u0={"w": 2.0}).result
     assert any(note.startswith("the point is not at rest: der(x) = 2;") for note in result.notes)
+
+
+def test_a_model_without_time_events_is_opened_once_for_all_that_is_asked_at_its_point(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    made: list[Instance] = []
+    plain = FmuModel.new_instance
+
+    def counted(model: FmuModel) -> Instance:
+        made.append(plain(model))
+        return made[-1]
+
+    monkeypatch.setattr(FmuModel, "new_instance", counted)
+    with load("fmu:FirstOrderLag", "me") as model, model.open_point() as point:
+        model.why_replay()  # a probe opens instances of its own, once
+        count = len(made)
+        assert len(point.ticks(1, float("inf"))) == 0
+        assert point.jacobian().shape == (2, 2)
+        point.at(point.x0 + 1.0, point.u0)
+    assert len(made) == count

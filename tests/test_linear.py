@@ -18,7 +18,7 @@ import pytest
 from workbench.core.values import matrices
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import Linear, LinearPart
-from workbench.core.values.matrices import held, resolvent, symmetric_form, symmetric_modes, unheld
+from workbench.core.values.matrices import held, resolvent, unheld
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.core.values.poles import growth_rates, sides
 from workbench.errors import InputError
@@ -311,53 +311,3 @@ def test_poles_of_what_is_no_matrix_of_numbers_are_refused_in_one_line() -> None
     """A file may have null in it."""
     with pytest.raises(InputError, match="matrix A must hold finite numbers"):
         _ = Linear(np.array([[np.nan]]), np.ones((1, 1)), np.ones((1, 1)), np.zeros((1, 1))).poles
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_networks_of_storages_and_resistances_have_a_symmetric_form(seed: int) -> None:
-    """C·dx/dt = −G x with a symmetric G, of one or several parts; its poles are those of the symmetric form."""
-    rng = np.random.default_rng(seed)
-    n = int(rng.integers(1, 30))
-    joined = np.triu(rng.uniform(0.1, 2.0, (n, n)) * (rng.uniform(size=(n, n)) < 2.0 / n), 1)
-    G = np.diag((joined + joined.T).sum(axis=1) + rng.uniform(0.0, 1.0, n)) - joined - joined.T
-    A = -G / (10.0 ** rng.uniform(-3.0, 3.0, n))[:, None]
-    form = symmetric_form(A)
-    assert form is not None
-    d, symmetric = form
-    np.testing.assert_array_equal(symmetric, symmetric.T)
-    np.testing.assert_allclose(symmetric * d[:, None] / d, A, rtol=1e-10, atol=0.0)
-    np.testing.assert_allclose(np.linalg.eigvalsh(symmetric), np.sort(np.linalg.eigvals(A).real), rtol=1e-8, atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    "A",
-    [
-        np.zeros((0, 0)),
-        np.array([[0.0, 1.0], [-1.0, 0.0]]),  # it oscillates
-        np.array([[-1.0, 1.0], [0.0, -1.0]]),  # one way only
-        np.array([[-3.0, 1.0, 1.0], [2.0, -3.0, 1.0], [1.0, 2.0, -3.0]]),  # around and around
-        np.diag(-2.0 * np.ones(30)) + np.diag(np.full(29, 0.1), 1) + np.diag(np.full(29, 10.0), -1),  # 10**29
-        np.diag(np.full(499, 2.9), 1) + np.diag(np.full(499, 0.01), -1),  # carried along: 10**-614
-        np.diag(np.full(499, 0.01), 1) + np.diag(np.full(499, 2.9), -1),
-        np.array([[-1.0, 1e300], [1e-300, -1.0]]),
-        np.array([[np.nan]]),
-    ],
-)
-def test_other_matrices_have_no_symmetric_form_that_is_harmless(A: Floats) -> None:
-    assert symmetric_form(A) is None
-
-
-@pytest.mark.parametrize("corner", [0.0, 1.0])  # a chain, and one that is closed to a ring
-@pytest.mark.parametrize("n", [1, 2, 3, 200])
-def test_symmetric_modes_are_those_of_chains_and_rings(n: int, corner: float) -> None:
-    """Of x(i+1) + x(i−1) − 2 x(i): −4 sin²(kπ/(2n + 2)) for held ends; of a ring −4 sin²(kπ/n)."""
-    S = np.diag(np.full(n, -2.0)) + np.diag(np.ones(n - 1), 1) + np.diag(np.ones(n - 1), -1)
-    k = np.arange(1, n + 1)
-    wanted = -4.0 * np.sin(k * np.pi / (2 * n + 2)) ** 2
-    if corner and n > 2:
-        S[0, -1] = S[-1, 0] = corner
-        wanted = -4.0 * np.sin(k * np.pi / n) ** 2
-    poles, vectors = symmetric_modes(S)
-    np.testing.assert_allclose(poles, np.sort(wanted), rtol=0.0, atol=1e-13)
-    np.testing.assert_allclose(vectors.T @ vectors, np.eye(n), rtol=0.0, atol=1e-13)
-    np.testing.assert_allclose(S @ vectors, vectors * poles, rtol=0.0, atol=1e-13)

@@ -122,7 +122,7 @@ def test_slow_poles_of_a_nearly_symmetric_model_are_not_moved_by_what_is_not_sym
     A -= np.diag(A.sum(axis=0)) + np.diag([0.0, 0.0, leak])
     start = LinearStart(LinearPart(A, np.eye(3)[0], np.eye(3)[2], 0.0), np.zeros(3), np.zeros(3))
     assert start.modes is not None
-    assert start.modes[0].real.max() == pytest.approx(-leak / 3.0, abs=1e-8)
+    assert start.modes.poles.real.max() == pytest.approx(-leak / 3.0, abs=1e-8)
 
 
 @pytest.mark.parametrize("bias", [0.0, 0.5])

@@ -62,8 +62,10 @@ class Pattern:
     def _moved(self, members: Indices) -> tuple[Indices, Indices]:
         if self.first is None or self.rows is None:
             raise ValueError("the pattern says nothing")
-        rows = [self.rows[self.first[m] : self.first[m + 1]] for m in members.tolist()]
-        return np.concatenate(rows), np.repeat(members, np.array([len(r) for r in rows], dtype=np.intp))
+        begins, ends = (self.first[members + shift].astype(np.intp) for shift in (0, 1))
+        counts = ends - begins
+        places = np.arange(counts.sum()) + np.repeat(ends - counts.cumsum(), counts)
+        return self.rows[places], np.repeat(members, counts)
 
     @property
     def structure(self) -> Groups:

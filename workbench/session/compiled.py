@@ -255,6 +255,10 @@ class CompiledMeSession(CompiledSession, MeSession):
         self.loop.check(done)
 
     @property
+    def next_event(self) -> float:
+        return float(self._native.next_time)
+
+    @property
     def evaluations(self) -> int:
         """Number of right-hand sides so far."""
         return int(self.loop.system.structure.evaluations)

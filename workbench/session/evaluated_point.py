@@ -30,7 +30,7 @@ class Stand:
     def __init__(self, instance: Instance) -> None:
         self._instance = instance
         known = instance.description.variables
-        self.inputs = tuple(v for v in known if v.causality == "input" and v.is_number and v.type in instance.TYPES)
+        self.inputs = tuple(v for v in known if v.causality == "input" and v.type in instance.TYPES and v.is_number)
         fast = [i for i, v in enumerate(self.inputs) if v.is_continuous_input]
         self.slow = [i for i, v in enumerate(self.inputs) if not v.is_continuous_input]
         self._access = instance.access(self.inputs)

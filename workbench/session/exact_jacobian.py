@@ -20,7 +20,7 @@ _AGREE = 1e-6  # relative: a direction in which the FMU's derivatives may have d
 
 
 class ExactJacobian:
-    """Fills in a Jacobian from directional and adjoint derivatives.
+    """Makes a Jacobian of directional and adjoint derivatives.
 
     A call of adjoint derivatives gives a row, one of directional derivatives a column, or a group of columns that the
     FMU declares to move nothing in common. Rows and groups are compared with one more call, along a random direction;
@@ -45,24 +45,26 @@ class ExactJacobian:
         self._columns = columns
         self._calls = calls
 
-    def fill(self, full: Floats, pattern: Pattern | None) -> None:
-        """Write the entries of the rows and columns.
+    def full(self, shape: tuple[int, int], pattern: Pattern | None) -> Floats:
+        """Return the matrix of all rows and columns; other rows are 0, other columns NaN.
 
         Args:
-            full: changed in place, shape (all rows, all columns); those of other rows become 0.
+            shape: number of all rows, and of all columns.
             pattern: which columns move which rows, as declared; None: unknown.
         """
         claims = self._instance.capabilities
-        full[:, list(self._columns)] = 0.0
+        full = np.zeros(shape)
+        full[:, [j for j in range(shape[1]) if j not in self._columns]] = np.nan
         fewest = len(self._columns) if pattern is None else len(pattern.ends)
         if claims.adjoint_derivatives and not claims.directional_derivatives:
-            self._by_rows(full)
+            self._put(full, self._by_rows())
         elif not (
             (claims.adjoint_derivatives and len(self._rows) < fewest and self._by_true_rows(full))
             or (pattern is not None and self._by_groups(full, pattern))
         ):
             for column in self._columns:
                 full[list(self._rows), column] = self._forward([column], np.ones(1))
+        return full
 
     def _forward(self, columns: Sequence[int], seed: Floats) -> Floats:
         """Return by how much the rows change along a direction."""
@@ -73,29 +75,31 @@ class ExactJacobian:
     def _direction(self) -> Floats:
         return np.random.default_rng(3).uniform(0.5, 1.5, len(self._columns))
 
-    def _by_rows(self, full: Floats) -> Floats:
-        """Fill in row by row; return the entries, shape (rows, columns)."""
+    def _put(self, full: Floats, values: Floats) -> None:
+        full[np.ix_(list(self._rows), list(self._columns))] = values
+
+    def _by_rows(self) -> Floats:
+        """Return the entries, found row by row, shape (rows, columns)."""
         rows, columns = list(self._rows.values()), list(self._columns.values())
         self._calls["adjoint"] += len(rows)
         result = [self._instance.adjoint_derivative(rows, columns, e) for e in np.eye(len(rows)).tolist()]
-        values = np.array(result).reshape(len(rows), len(columns))
-        full[np.ix_(list(self._rows), list(self._columns))] = values
-        return values
+        return np.array(result).reshape(len(rows), len(columns))
 
     def _by_true_rows(self, full: Floats) -> bool:
         """Fill in row by row; False: one directional derivative disagrees."""
-        result, direction = self._by_rows(full), self._direction()
+        result, direction = self._by_rows(), self._direction()
         forward = self._forward(list(self._columns), direction)
-        return bool(
-            (np.abs(result @ direction - forward) <= _SAME * (np.abs(result) @ direction + np.abs(forward))).all()
-        )
+        apart, size = np.abs(result @ direction - forward), np.abs(result) @ direction + np.abs(forward)
+        if not (apart <= _SAME * size).all():
+            return False
+        self._put(full, result)
+        return True
 
     def _by_groups(self, full: Floats, pattern: Pattern) -> bool:
-        """Fill in several columns at once; False: one more direction disagrees, and all entries are 0."""
+        """Fill in several columns at once; False: one more direction disagrees, and what was filled in is 0 again."""
         places, columns = np.array(list(self._rows)), np.array(list(self._columns))
         of_row = _numbered(places, full.shape[0])
         of_column = _numbered(columns, full.shape[1])
-        full[np.ix_(places, columns)] = 0.0
         direction = self._direction()
         expected, size = np.zeros(len(places)), np.zeros(len(places))
         for members, moved, by in pattern.groups():
@@ -112,7 +116,7 @@ class ExactJacobian:
             size[rows] += np.abs(parts)
         if bool((np.abs(self._forward(columns.tolist(), direction) - expected) <= _AGREE * size).all()):
             return True
-        full[np.ix_(places, columns)] = 0.0
+        self._put(full, np.zeros((len(places), len(columns))))
         return False
 
 

@@ -35,6 +35,11 @@ class MeSession(FmuSession):
         self.instance.get_states()
         self._make_solver()
 
+    @property
+    def next_event(self) -> float:
+        """When the model asks for an event next, as far as it has said [s]; infinite: it does not."""
+        return self._next_time
+
     @abstractmethod
     def _make_solver(self) -> None:
         """Open the solver where the session stands."""

@@ -146,6 +146,7 @@ class FmuPoint(ModelPoint):
         self.session = session
         self.time = session.time
         self.calls = Counter()
+        self._moved = False
         self._state: Any = None
         self._bind()
         self._snapshot = session.snapshot()
@@ -156,15 +157,19 @@ class FmuPoint(ModelPoint):
     def _bind(self) -> None:
         """Prepare access to the present instance."""
         instance = self.session.instance
-        variables = tuple(v for v in instance.description.variables if v.is_number and v.type in instance.TYPES)
+        known = instance.description.variables
         self._stand = Stand(instance)
         self.states = named_states(instance)
         self.inputs = self._stand.inputs
-        self.outputs = tuple(v for v in variables if v.causality == "output")
+        self.outputs = tuple(v for v in known if v.causality == "output" and v.type in instance.TYPES and v.is_number)
         held = [
             v
-            for v in variables
-            if v.variability == "discrete" and v.causality in ("local", "output") and not v.alias_of
+            for v in known
+            if v.variability == "discrete"
+            and v.causality in ("local", "output")
+            and not v.alias_of
+            and v.type in instance.TYPES
+            and v.is_number
         ]
         self.memory = tuple(v for v in held if v.type in FLOAT_TYPES and v.start is not None)
         self._outputs, self._held = (instance.access(v) for v in (self.outputs, held))
@@ -177,6 +182,7 @@ class FmuPoint(ModelPoint):
         self.x0, self.u0 = self._stand.read()
         self._free()
         self._remember()
+        self._moved = True
 
     def _settle(self, x: Floats, u: Floats) -> bool:
         """Go to (x, u) and evaluate every relation there; True: states jumped."""
@@ -291,16 +297,17 @@ class FmuPoint(ModelPoint):
         instance, n = self.session.instance, len(self.states)
         # Other outputs change at events alone: nothing moves them here, and an FMU may refuse to be asked.
         smooth = [i for i, v in enumerate(self.outputs) if v.type in FLOAT_TYPES and v.variability == "continuous"]
-        full = np.full((n + len(self.outputs), n + len(self.inputs)), np.nan)
+        shape = n + len(self.outputs), n + len(self.inputs)
         rows = {**dict(enumerate(instance.description.derivatives)), **{n + i: self.outputs[i] for i in smooth}}
         columns = [*enumerate(self.states), *((n + i, v) for i, v in enumerate(self.inputs) if v.is_continuous_input)]
-        ExactJacobian(instance, rows, dict(columns), self.calls).fill(full, self.pattern)
-        return full
+        return ExactJacobian(instance, rows, dict(columns), self.calls).full(shape, self.pattern)
 
     def why_not_exact(self) -> str:
         return why_not_exact(self.session.instance)
 
     def ticks(self, most: int, until: float) -> Floats:
+        if not self._moved and self.session.next_event == np.inf:  # said at the event with which the session began
+            return np.zeros(0)
         instance, result = self.session.instance, list[float]()
         self._back()
         self._away = self._lost = True

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 from workbench.errors import InputError, article, close_names, suggest
@@ -54,11 +54,10 @@ def check_names(
     Raises:
         InputError: one is not accepted; the message has near ones, or says what it is.
     """
-    accepted = list(known)
-    inside = set(accepted)
-    for name in names:
-        if name in inside:
-            continue
+    known = known if isinstance(known, Collection) else list(known)
+    inside = known if isinstance(known, Mapping | set | frozenset) else set(known)
+    for name in [name for name in names if name not in inside]:
+        accepted = list(known)
         where = f"{what}: " if what else ""
         if others and name in others:
             there = f"its {_series([f'{k}s' for k in kinds], 'and')} are: {_some(accepted) or 'none'}"

@@ -37,12 +37,16 @@ def groups_of(rows: Sequence[Sequence[int]]) -> list[list[int]]:
     [[0, 3], [1], [2]]
     """
     groups: list[list[int]] = []
-    taken: list[set[int]] = []
+    moved_by: dict[int, int] = {}  # row → the groups that move it, one bit each
     for column, own in enumerate(rows):
-        number = next((g for g, moved in enumerate(taken) if moved.isdisjoint(own)), len(groups))
+        taken = 0
+        for row in own:
+            taken |= moved_by.get(row, 0)
+        free = ~taken & (taken + 1)  # the lowest bit that is not set
+        number = free.bit_length() - 1
         if number == len(groups):
             groups.append([])
-            taken.append(set())
         groups[number].append(column)
-        taken[number].update(own)
+        for row in own:
+            moved_by[row] = moved_by.get(row, 0) | free
     return groups

@@ -15,7 +15,7 @@ from workbench.core.machine.blas import one_thread
 from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.large import corners_hz, is_large, poles_about
-from workbench.core.values.matrices import balance, held, is_sparse, product, resolvent
+from workbench.core.values.matrices import balance, held, is_sparse, light, product, resolvent, resolvents
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.core.values.poles import continuous, growth_rates, vanished
 from workbench.core.values.response import Response
@@ -225,7 +225,7 @@ class Linear(RecordPart):
         Source: N. J. Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., section 7.2.
         """
         s = self.at_frequency(frequency_hz)
-        return self.rounding_with(s, resolvent(self.A, self.B, s), resolvent(self.A.T, self.C.T, s))
+        return self.rounding_with(s, *resolvents(self.A, self.B, self.C, s))
 
     def rounding_with(self, s: Complex, inputs_to_states: Complex, states_to_outputs: Complex) -> Floats:
         """Return `rounding` where what it needs is known.
@@ -236,7 +236,7 @@ class Linear(RecordPart):
             states_to_outputs: (sI − Aᵀ)⁻¹ Cᵀ there, shape (k, n, q).
         """
         states, outputs = np.abs(inputs_to_states), np.abs(states_to_outputs).swapaxes(1, 2)
-        residual = np.abs(s)[:, None, None] * states + product(np.abs(self.A), states) + np.abs(self.B)
+        residual = np.abs(s)[:, None, None] * states + product(abs(light(self.A)), states) + np.abs(self.B)
         return np.asarray(_EPS * (outputs @ residual + np.abs(self.C) @ states + np.abs(self.D)))
 
     def vanishes(self, frequency_hz: ArrayLike) -> NDArray[np.bool_]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -19,10 +20,10 @@ __all__ = [
     "held",
     "is_sparse",
     "light",
+    "places_of",
     "product",
     "resolvent",
-    "symmetric_form",
-    "symmetric_modes",
+    "resolvents",
     "unheld",
 ]
 
@@ -33,8 +34,6 @@ _LARGE, _SPARSE = 128, 0.05
 _DIRECT = 2e7
 _AT_ZERO = 1e-9  # a sampled pole this small has decayed by nine decades within one sample
 _ON_REAL_AXIS = 1e-9
-_SYMMETRIC = 1e-11  # pairs of entries that are as equal as products of ratios along a path leave them
-_HARMLESS = 1e4  # largest ratio of scales: so many digits of sixteen an eigenvector may lose by it
 
 
 def resolvent(A: Floats, right: NDArray[Any], points: Complex) -> Complex:
@@ -56,7 +55,7 @@ def resolvent(A: Floats, right: NDArray[Any], points: Complex) -> Complex:
     if not n or not k:
         return np.zeros((k, n, right.shape[1]), dtype=np.complex128)
     if is_sparse(A):
-        return _by_sparse(A, right, points)
+        return _by_sparse(A, [(right, "N")], points)[0]
     with np.errstate(all="ignore"):
         if k > 1 and k * n**3 > _DIRECT and np.isfinite(A).all():
             return _by_schur(A, right, points)
@@ -69,6 +68,24 @@ def resolvent(A: Floats, right: NDArray[Any], points: Complex) -> Complex:
             return np.concatenate([resolvent(A, right, points[i : i + 1]) for i in range(k)])
 
 
+def resolvents(A: Floats, right: NDArray[Any], left: NDArray[Any], points: Complex) -> tuple[Complex, Complex]:
+    """Return (pI − A)⁻¹ R and (pI − Aᵀ)⁻¹ Lᵀ: what inputs do to states, and states to outputs; see `resolvent`.
+
+    Args:
+        A: shape (n, n).
+        right: R, shape (n, m).
+        left: L, shape (q, n).
+        points: shape (k,).
+
+    Returns:
+        Shapes (k, n, m) and (k, n, q).
+    """
+    if len(points) and is_sparse(A):
+        forth, back = _by_sparse(A, [(right, "N"), (left.T, "T")], points)
+        return forth, back
+    return resolvent(A, right, points), resolvent(A.T, left.T, points)
+
+
 def is_sparse(A: Floats) -> bool:
     """Whether a matrix is so large, and has so few entries, that it is worth to keep to them.
 
@@ -76,76 +93,6 @@ def is_sparse(A: Floats) -> bool:
         A: shape (m, n).
     """
     return bool(len(A) >= _LARGE and np.count_nonzero(A != 0.0) <= _SPARSE * A.size and np.isfinite(A).all())
-
-
-def symmetric_form(A: Floats) -> tuple[Floats, Floats] | None:
-    """Return d, shape (n,), and the symmetric D⁻¹ A D, D = diag(d); None: there is no d that is harmless.
-
-    Networks of storages and resistances (heat, laminar flow) have such matrices: their poles are real, and their
-    eigenvectors are orthogonal but for d. Of what rounding leaves apart the mean is taken: that moves poles by its
-    square only.
-
-    Args:
-        A: shape (n, n).
-
-    Source: J. Z. Hearon, The kinetics of linear systems, Bull. Math. Biophys. 15 (1953) (detailed balance).
-    """
-    rows, columns = np.nonzero(A)
-    there, back = A[rows, columns], A[columns, rows]
-    if not len(A) or not np.isfinite(there).all() or (np.sign(there) != np.sign(back)).any():
-        return None
-    with np.errstate(over="ignore", under="ignore"):
-        ratios = np.sqrt(back / there).tolist()
-    d = _scales(len(A), np.searchsorted(rows, np.arange(len(A) + 1)).tolist(), columns.tolist(), ratios)
-    if d is None:
-        return None
-    there, back = there * d[columns] / d[rows], back * d[rows] / d[columns]
-    if not np.allclose(there, back, rtol=_SYMMETRIC, atol=0.0):
-        return None
-    result = np.zeros_like(A)
-    result[rows, columns] = (there + back) / 2.0
-    return d, result
-
-
-def _scales(n: int, begins: list[int], columns: list[int], ratios: list[float]) -> Floats | None:
-    """Return d for `symmetric_form`, from row to row by the ratios of pairs of entries; None: some are not harmless.
-
-    Args:
-        n: number of rows.
-        begins: of each row among the entries, and their number.
-        columns: of the entries.
-        ratios: of d in the column to d in the row.
-    """
-    d = [0.0] * n
-    for first in range(n):
-        reached = [] if d[first] else [first]
-        d[first] = d[first] or 1.0
-        for i in reached:  # and what is appended meanwhile
-            for k in range(begins[i], begins[i + 1]):
-                if not d[j := columns[k]]:
-                    d[j] = d[i] * ratios[k]
-                    if not 1.0 / _HARMLESS <= d[j] <= _HARMLESS:  # a 0 would be begun anew for ever
-                        return None
-                    reached.append(j)
-    return np.array(d) if max(d) <= _HARMLESS * min(d) else None
-
-
-def symmetric_modes(S: Floats) -> tuple[Floats, Floats]:
-    """Return the eigenvalues of a symmetric matrix, rising, shape (n,), and its orthonormal eigenvectors, in columns.
-
-    A tridiagonal matrix, as that of a chain, takes a fifth of the time; the numbers are as exact.
-
-    Args:
-        S: shape (n, n).
-    """
-    if len(S) > 1 and np.count_nonzero(S) == sum(np.count_nonzero(np.diag(S, k)) for k in (-1, 0, 1)):
-        from scipy.linalg.lapack import dstevd  # noqa: PLC0415  slow to import
-
-        values, vectors, failed = dstevd(np.diag(S), np.diag(S, 1))
-        if not failed:
-            return np.asarray(values), np.asarray(vectors)
-    values, vectors = np.linalg.eigh(S)
-    return values, vectors
 
 
 def as_sparse(A: Floats, form: str) -> Any:  # noqa: ANN401 - SciPy's sparse arrays have no types
@@ -157,8 +104,18 @@ def as_sparse(A: Floats, form: str) -> Any:  # noqa: ANN401 - SciPy's sparse arr
     """
     from scipy.sparse import coo_array  # noqa: PLC0415  slow to import
 
-    places = np.divmod(np.flatnonzero(A != 0.0), A.shape[1])
+    places = places_of(A)
     return coo_array((A[places], places), shape=A.shape).asformat(form)
+
+
+def places_of(A: Floats) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return rows and columns of the entries that are not zero, row by row; faster than `np.nonzero` on numbers.
+
+    Args:
+        A: shape (m, n).
+    """
+    rows, columns = np.divmod(np.flatnonzero(A != 0.0), A.shape[1])
+    return rows, columns
 
 
 def light(A: Floats) -> Any:  # noqa: ANN401 - SciPy's sparse arrays have no types
@@ -167,42 +124,42 @@ def light(A: Floats) -> Any:  # noqa: ANN401 - SciPy's sparse arrays have no typ
     Args:
         A: shape (m, n).
     """
-    if not is_sparse(A):
-        return A
-    return as_sparse(A, "csr")
+    return as_sparse(A, "csr") if is_sparse(A) else A
 
 
-def product(A: Floats, stack: NDArray[Any]) -> NDArray[Any]:
-    """Return A times each of some matrices, shape (k, n, m).
+def product(matrix: Any, stack: NDArray[Any]) -> NDArray[Any]:  # noqa: ANN401 - SciPy's sparse arrays have no types
+    """Return a matrix times each of some others, shape (k, n, m).
 
     Args:
-        A: shape (n, n); its zeros cost nothing where it is large and sparse.
+        matrix: shape (n, n), as `light` gives it.
         stack: shape (k, n, m).
     """
-    matrix = light(A)
-    if matrix is A:
-        return np.asarray(A @ stack)
+    if isinstance(matrix, np.ndarray):
+        return np.asarray(matrix @ stack)
     k, n, m = stack.shape
     flat = matrix @ stack.transpose(1, 0, 2).reshape(n, k * m)
     return np.asarray(flat).reshape(n, k, m).transpose(1, 0, 2)
 
 
-def _by_sparse(A: Floats, right: NDArray[Any], points: Complex) -> Complex:
+def _by_sparse(A: Floats, sides: Sequence[tuple[NDArray[Any], str]], points: Complex) -> list[Complex]:
+    """Return the solutions for several right sides, each of the matrix ("N") or of its transpose ("T")."""
     from scipy.sparse import eye_array  # noqa: PLC0415  slow to import
     from scipy.sparse.linalg import splu  # noqa: PLC0415
 
     inner, unit = as_sparse(A, "csc"), eye_array(len(A), format="csc")
-    wanted = np.asarray(right, dtype=np.complex128)
-    result = np.full((len(points), *wanted.shape), np.nan, dtype=np.complex128)
+    wanted = [np.asarray(right, dtype=np.complex128) for right, _ in sides]
+    results = [np.full((len(points), *right.shape), np.nan, dtype=np.complex128) for right in wanted]
     for i, point in enumerate(points):
         matrix = (point * unit - inner).tocsc()
         try:
             factors = splu(matrix)
         except RuntimeError:  # on a pole
             continue
-        first = factors.solve(wanted)
-        result[i] = first + factors.solve(wanted - matrix @ first)
-    return result
+        for result, right, (_, way) in zip(results, wanted, sides, strict=True):
+            first = factors.solve(right, way)
+            applied = (matrix if way == "N" else matrix.T) @ first
+            result[i] = first + factors.solve(right - applied, way)
+    return results
 
 
 def _by_schur(A: Floats, right: NDArray[Any], points: Complex) -> Complex:

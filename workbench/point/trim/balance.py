@@ -13,6 +13,7 @@ from workbench.core.values.conversion import rate_unit
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import SimulationError
 from workbench.fmi.variable import FLOAT_TYPES, Variable
+from workbench.kernel.native_slopes import Pattern
 from workbench.session.point import ModelPoint
 
 __all__ = ["Balance", "ContinuousBalance", "Slot", "by_name", "slot_of"]
@@ -72,6 +73,11 @@ class Balance(ABC):
     @abstractmethod
     def evaluate(self, states: Floats, inputs: Floats) -> tuple[Floats, Floats]:
         """Return rates, shape (n,), and outputs, shape (p,), at states (n,) and inputs (m,)."""
+
+    @property
+    def pattern(self) -> Pattern | None:
+        """Which states and inputs move which rates and outputs, as declared; None: unknown. It is not believed."""
+        return None
 
     def rounding(self, states: Floats) -> Floats:
         """Return the rounding errors of rates that are differences of states, shape (n,); 0 where they are none."""
@@ -144,6 +150,10 @@ class ContinuousBalance(Balance):
         self.why_not_exact = point.why_not_exact()
         if not self.why_not_exact and point.discrete():
             self.why_not_exact = "the model has discrete states, which cannot be set during the search"
+
+    @property
+    def pattern(self) -> Pattern | None:
+        return self._point.pattern
 
     def evaluate(self, states: Floats, inputs: Floats) -> tuple[Floats, Floats]:
         self.evaluations += 1

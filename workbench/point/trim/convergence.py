@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workbench.core.values.arrays import Floats
-from workbench.point.trim.null_space import RANK, Solver, least_norm, readable, regular
+from workbench.point.trim.null_space import RANK, Factors, Solver, least_norm, readable, regular
 from workbench.point.trim.scaled import ScaledEquations
 
 __all__ = ["EquilibriumTest", "SearchResult"]
@@ -32,6 +34,8 @@ _FURTHER = 3  # steps of Newton's method from a root without slope
 _CLOSER = 0.8  # the last of these over the first; 0.9³ = 0.73 towards a tenfold root, 0.96 for e^-x² from 6, 1 for e^-x
 _REGULAR = 0.1  # largest singular value, at least, where slopes do not vanish; 1 for a straight line
 _STRAIGHT = 0.5  # part by which differences may differ from slopes where those speak for all combinations
+_TOGETHER = 1e-3  # part by which equations may change otherwise when all unknowns are moved together: they bend
+_SURELY = 2.0  # times a bound with a singular value that inverse iteration finds to a part of it
 _LARGE = 1e300  # stands for what cannot be evaluated
 _VERY_FAR = 1e6  # reaches: rounding is 1e-10 of a reach there, and may hide what was seen at the start
 
@@ -107,10 +111,23 @@ class _Neighbourhood:
 
     def change(self, sums: _Combinations) -> Floats:
         """Return the change of combinations of equations when each unknown moves by its reach, shape (r,)."""
-        if not len(self.column):
-            return np.zeros(sums.count)
+        return self._change[: sums.count] if sums.weights is None else self._change_of(sums.of(self.moved))
+
+    @cached_property
+    def _change(self) -> Floats:
+        """Of the equations, shape (e,)."""
+        return self._change_of(self.moved)
+
+    def _change_of(self, moved: Floats) -> Floats:
         first = np.flatnonzero(np.diff(self.column, prepend=-1))
-        return np.asarray(np.maximum.reduceat(np.abs(sums.of(self.moved)) / self.part[:, None], first).sum(axis=0))
+        last = np.flatnonzero(np.diff(self.column, append=-1))  # both sides of an unknown, or the only one
+        sizes, others = (np.abs(moved[at]) / self.part[at, None] for at in (first, last))
+        return np.asarray(np.maximum(sizes, others, out=sizes).sum(axis=0))
+
+    @cached_property
+    def _largest(self) -> Floats:
+        """Largest change of each equation, shape (e,)."""
+        return np.asarray(np.abs(self.moved).max(axis=0, initial=0.0))
 
     def noise(self, sums: _Combinations) -> Floats:
         """Return what cannot be told from zero in combinations of equations, shape (r,)."""
@@ -119,9 +136,17 @@ class _Neighbourhood:
 
     def flat(self, sums: _Combinations) -> NDArray[np.bool_]:
         """Return which combinations do not change around the point, shape (r,)."""
-        largest = np.abs(sums.of(self.moved)).max(axis=0, initial=0.0)
-        mixed = self.mixing * sums.of_sizes(np.abs(self.moved).max(axis=0, initial=0.0))
-        return np.asarray(largest <= self.noise(sums) + mixed)
+        single = sums.weights is None
+        largest = self._largest[: sums.count] if single else np.abs(sums.of(self.moved)).max(axis=0, initial=0.0)
+        return np.asarray(largest <= self.noise(sums) + self.mixing * sums.of_sizes(self._largest))
+
+
+def _off(factors: Factors, differences: Floats) -> float:
+    """Return ‖M‖∞ of differences of one side, shape (n, n), an unknown a row; see `EquilibriumTest._certain`."""
+    off = factors.solve(differences.T)
+    off *= np.sign(np.diag(off))
+    off[np.diag_indices_from(off)] -= 1.0
+    return float(np.abs(off, out=off).sum(axis=1).max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,10 +290,14 @@ class EquilibriumTest:
         sides = (np.diff(around.column, prepend=-1) > 0, np.diff(around.column, append=n) > 0)
         if factors is None or self._way(w, self._home) >= _VERY_FAR or len(np.unique(around.column)) < n:
             return False
-        for side in sides:
-            off = factors.solve((around.moved[side, own] / around.part[side, None] / scales).T)
-            if np.abs(off * np.sign(np.diag(off)) - np.eye(n)).sum(axis=1).max() > _STRAIGHT:
-                return False
+        above, below = (around.moved[side, own] / around.part[side, None] / scales for side in sides)
+        bent = _off(factors, above)
+        if bent > _STRAIGHT:
+            return False
+        # Of a straight line both sides are opposite: ‖J⁻¹E‖∞ ≤ √n ‖E‖₂/σ of what they are not is small.
+        other = _SURELY * math.sqrt(n) * float(np.linalg.norm(above + below)) / factors.least
+        if bent + other > _STRAIGHT and _off(factors, below) > _STRAIGHT:
+            return False
         width = float(around.part.min())
         moved = self._scaled.inside(w + width * reach * np.random.default_rng(4).choice([-1.0, 1.0], size=n))
         together = factors.solve((self._scaled.residuals(moved)[own] - around.here[own]) / scales)
@@ -320,10 +349,7 @@ class EquilibriumTest:
 
     def _look_around(self, w: Floats) -> _Neighbourhood:
         here = np.nan_to_num(self._scaled.residuals(w), nan=_LARGE, posinf=_LARGE, neginf=-_LARGE)
-        reach = np.maximum(1.0, np.abs(w))
-        sides = [(j, s, r) for j in range(len(w)) for s in (1.0, -1.0) if (r := self._beside(w, j, s * reach[j]))]
-        moved = np.array([r[1] - here for _, _, r in sides]).reshape(len(sides), len(here))
-        part = np.array([r[0] for _, _, r in sides]) / reach[[j for j, _, _ in sides]] if sides else np.zeros(0)
+        moved, part, column = self._at_once(w, here) or self._one_by_one(w, here)
         signs = np.random.default_rng(2).choice([-1.0, 1.0], size=(len(_SCATTER), len(w)))
         ulps = np.array(_SCATTER)[:, None] * np.spacing(np.abs(w)) * signs
         scatter = [self._scaled.residuals(self._scaled.inside(w + u)) - here for u in ulps] if len(w) else []
@@ -332,11 +358,55 @@ class EquilibriumTest:
             here,
             moved,
             part,
-            np.array([j for j, _, _ in sides], dtype=np.intp),
+            column,
             np.nan_to_num(np.array(scatter).reshape(len(scatter), len(here)), nan=0.0, posinf=0.0, neginf=0.0),
             self._scaled.rounding(w),
             self._scaled.problem.balance.precision ** (2.0 / 3.0),
         )
+
+    def _one_by_one(self, w: Floats, here: Floats) -> tuple[Floats, Floats, NDArray[np.intp]]:
+        """Return how the equations change when one unknown is moved: `moved`, `part` and `column`."""
+        reach = np.maximum(1.0, np.abs(w))
+        sides = [(j, r) for j in range(len(w)) for s in (1.0, -1.0) if (r := self._beside(w, j, s * reach[j]))]
+        column = np.array([j for j, _ in sides], dtype=np.intp)
+        moved = np.array([r[1] - here for _, r in sides]).reshape(len(sides), len(here))
+        return moved, np.array([r[0] for _, r in sides]) / reach[column], column
+
+    def _at_once(self, w: Floats, here: Floats) -> tuple[Floats, Floats, NDArray[np.intp]] | None:
+        """Return the same with unknowns moved at once that change no equation in common, as declared.
+
+        None: that is not declared, an unknown is at its bound, or the equations change in another way when all unknowns
+        are moved together.
+        """
+        k, scaled, reach = len(w), self._scaled, np.maximum(1.0, np.abs(w))
+        moved, step = np.zeros((k, 2, len(here))), np.zeros((k, 2))
+        for members, rows, by in scaled.groups:
+            for side, sign in enumerate((1.0, -1.0)):
+                at = w.copy()
+                at[members] += sign * self._width * reach[members]
+                at = scaled.inside(at)
+                moved[by, side, rows] = (scaled.residuals(at) - here)[rows]
+                step[members, side] = np.abs(at - w)[members]
+        if not scaled.groups or not (step > 0.0).all() or not np.isfinite(moved).all():
+            return None
+        if not all(self._together(w, here, moved, random) for random in map(np.random.default_rng, (5, 6))):
+            return None
+        return moved.reshape(2 * k, -1), (step / reach[:, None]).ravel(), np.repeat(np.arange(k), 2)
+
+    def _together(self, w: Floats, here: Floats, moved: Floats, random: np.random.Generator) -> bool:
+        """Whether all unknowns moved together, each to one side and by a part of its own, change equations as alone.
+
+        Args:
+            w: shape (k,).
+            here: the equations there, shape (e,).
+            moved: their changes, shape (k, 2, e).
+            random: what chooses.
+        """
+        side, part = random.integers(0, 2, size=len(w)), random.uniform(0.5, 1.0, len(w))
+        expected = moved[np.arange(len(w)), side] * part[:, None]
+        step = np.where(side, -1.0, 1.0) * part * self._width * np.maximum(1.0, np.abs(w))
+        apart = np.abs(self._scaled.residuals(self._scaled.inside(w + step)) - here - expected.sum(axis=0))
+        return bool((apart <= _TOGETHER * np.abs(expected).sum(axis=0) + _ROUNDING * np.abs(here)).all())
 
     def _beside(self, w: Floats, j: int, reach: float) -> tuple[float, Floats] | None:
         """Return how far unknown `j` could be moved and the equations there; None: not at all."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +11,9 @@ from workbench.core.values.arrays import Floats
 from workbench.point.trim.problem import TrimProblem
 
 __all__ = ["ScaledEquations"]
+
+Indices = NDArray[np.intp]
+Group = tuple[Indices, Indices, Indices]
 
 HELD = 1e-3  # of what is held: by so much it is moved to see whether an equation reacts to it
 _BENT = 0.01  # second difference over first: over the usual width it is 1e-5 of what bends over one nominal value
@@ -66,6 +71,24 @@ class ScaledEquations:
             inside = self.residuals(w) == 0.0
             jacobian[[i and e.low < e.high for i, e in zip(inside, self._equations, strict=True)]] = 0.0
         return jacobian
+
+    @cached_property
+    def groups(self) -> list[Group]:
+        """Unknowns that may move at once, the residuals that they move, the unknown of each; empty: not declared."""
+        pattern = self.problem.balance.pattern
+        if pattern is None or len(set(self._rows.tolist())) < len(self._rows):
+            return []
+        balance, columns = self.problem.balance, self.problem.columns
+        unknown = np.full(len(balance.states) + len(balance.inputs), -1)
+        unknown[columns] = np.arange(len(columns))
+        residual = np.full(len(balance.states) + len(balance.outputs), -1)
+        residual[self._rows] = np.arange(len(self._rows))
+        result = []
+        for members, rows, by in pattern.groups():
+            own, mine = unknown[members], (unknown[by] >= 0) & (residual[rows] >= 0)
+            if (own >= 0).any():
+                result.append((own[own >= 0], residual[rows[mine]], unknown[by[mine]]))
+        return result
 
     def scales(self, jacobian: Floats) -> Floats:
         """Return what each residual is measured by: its change for one nominal value of each unknown.

@@ -35,7 +35,7 @@ from workbench.response.nfr.own_motion import OWN
 from workbench.response.nfr.own_solver import hidden, own_step
 from workbench.response.nfr.period_solver import NotSolvedError, Search, can_solve, solve_point
 from workbench.response.nfr.point import ArrivedError, NfrPoint, PointTask, run_point
-from workbench.response.nfr.prior_knowledge import Surroundings, surroundings
+from workbench.response.nfr.prior_knowledge import Surroundings, quick, surroundings
 from workbench.response.nfr.reached import Approach, contracts
 from workbench.response.nfr.zero_input import ZeroInput, watch
 from workbench.session.base import Session
@@ -87,7 +87,8 @@ class SurroundingsJob(WorkItem):
     task: PointTask
 
     def run(self, model: Model) -> Iterator[Surroundings]:
-        result = surroundings(model, self.task.input, self.task.output)
+        seen = quick(self.task.frequency, self.task.max_periods)
+        result = surroundings(model, self.task.input, self.task.output, seen)
         yield replace(result, own_step=own_step(model, replace(self.task, rates=result.rates)))
 
 

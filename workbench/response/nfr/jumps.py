@@ -123,7 +123,7 @@ def unseen_peaks(frequencies: Sequence[float], linear: LinearStart | None) -> li
     """
     if linear is None or len(linear.dx0) == 0:
         return []
-    poles = np.linalg.eigvals(linear.part.A)
+    poles = np.linalg.eigvals(linear.part.A) if linear.modes is None else linear.modes.poles
     light = poles[(poles.imag > 0.0) & (np.abs(poles.real) < _LIGHT * np.abs(poles))]
     peaks: dict[float, float] = {}
     for f in (np.abs(light) / (2.0 * math.pi)).tolist():

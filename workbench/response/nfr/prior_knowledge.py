@@ -5,16 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workbench.core.machine.blas import one_thread
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.calendar import PeriodsError
+from workbench.core.values.eigenmodes import Eigenmodes
 from workbench.core.values.linear import NO_RESPONSE, LinearPart
-from workbench.core.values.matrices import held, resolvent, symmetric_form, symmetric_modes
+from workbench.core.values.matrices import held, resolvents
 from workbench.errors import SimulationError, WorkbenchError
 from workbench.model import Model
 from workbench.model.sample_rates import sampled
@@ -24,17 +23,28 @@ from workbench.point.lin.task import make_task
 from workbench.response.periodic.monodromy import Factors
 from workbench.session.point import ModelPoint
 
-__all__ = ["GONE", "LinearSineResponse", "LinearStart", "Surroundings", "Twin", "surroundings"]
+__all__ = [
+    "DECAYED",
+    "GONE",
+    "GRID",
+    "LinearSineResponse",
+    "LinearStart",
+    "Surroundings",
+    "Twin",
+    "quick",
+    "surroundings",
+]
 
 # With more states the matrix exponentials of each point would cost more than its periods do; those by eigenvectors,
 # found once a sweep, cost a few products of matrices.
 _MANY_STATES, _MOST_STATES = 200, 1000
 
-# What is left of a mode after a period counts from here on; eigenvectors are worth some 1e-9.
+# What is left of a mode counts from here on; eigenvectors are worth some 1e-9.
 GONE = 1e-30
 
-# Eigenvectors that give the matrix back to this relative accuracy are used.
-_EXACT = 1e-9
+# A run from the operating point is looked at so often, until so many time constants of the slowest mode have passed, or
+# the most periods of a point.
+GRID, DECAYED = 400, 5.0
 
 # Events of the model that are looked for: one is enough to know that it is sampled.
 _LOOK = 1
@@ -48,33 +58,19 @@ class LinearStart:
         part: A, B, C, D; x and u are counted from the point.
         dx0: derivatives at the point itself, shape (n,); 0 at an equilibrium.
         smallest: sizes of the states below which errors of the integration do not shrink with them, shape (n,).
+        quick: of a mode that decays faster than that nothing is left wherever one looks [1/s], see `quick`.
     """
 
     part: LinearPart
     dx0: Floats
     smallest: Floats
+    quick: float = math.inf
     _forced: dict[float, LinearSineResponse] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
-    def modes(self) -> tuple[Complex, NDArray[Any], NDArray[Any]] | None:
-        """Poles, eigenvectors and their inverse, which are real where all poles are.
-
-        None where they do not give A back: poles coincide.
-        """
-        A, form = self.part.A, symmetric_form(self.part.A)
-        with one_thread():
-            if form is not None:  # whose eigenvectors always give it back
-                d, symmetric = form
-                rates, q = symmetric_modes(symmetric)
-                return rates.astype(np.complex128), q * d[:, None], q.T / d
-            poles, vectors = np.linalg.eig(A)
-            try:
-                inverse = np.linalg.inv(vectors)
-            except np.linalg.LinAlgError:
-                return None
-            again = (vectors * poles) @ inverse
-        good = np.linalg.norm(again - A) <= _EXACT * np.linalg.norm(A)
-        return (poles.astype(np.complex128), vectors, inverse) if good else None
+    def modes(self) -> Eigenmodes | None:
+        """Poles and eigenvectors, as far as one sees them; None where poles coincide."""
+        return Eigenmodes.of(self.part.A, self.quick, -math.log(GONE) * (GRID - 1) / DECAYED)
 
     @cached_property
     def rest(self) -> Floats:
@@ -87,23 +83,20 @@ class LinearStart:
     @property
     def at_rest(self) -> LinearStart:
         """The same about an equilibrium: what the input does, whatever the model does by itself."""
-        return LinearStart(self.part, np.zeros_like(self.dx0), self.smallest)
+        return LinearStart(self.part, np.zeros_like(self.dx0), self.smallest, self.quick)
 
     def transition(self, period: float) -> tuple[Floats, Floats, Factors | None, Complex | None]:
         """Return e^(AT), what C makes of its integral over T [s], its factors and eigenvalues; None: not known."""
         if self.modes is None:
             phi, integral = held(self.part.A, np.eye(len(self.dx0)), period)
             return phi, self.part.c @ integral, None, None
-        poles, vectors, inverse = self.modes
-        rates = poles if poles.imag.any() else poles.real
-        still = np.abs(rates) * period < 1e-12
-        integral = np.where(still, period, np.expm1(rates * period) / np.where(still, 1.0, rates))
-        multipliers = np.exp(rates * period)
+        poles, vectors, inverse = self.modes.poles, self.modes.vectors, self.modes.inverse
+        multipliers = np.exp((poles if poles.imag.any() else poles.real) * period)
         left = np.abs(multipliers) > GONE
         factors = vectors[:, left] * multipliers[left], inverse[left]
         with one_thread():
-            phi, row = (factors[0] @ factors[1]).real, ((self.part.c @ vectors * integral) @ inverse).real
-        return phi, row, None if left.all() else factors, multipliers.astype(np.complex128)
+            phi, row = (factors[0] @ factors[1]).real, self.modes.held(self.part.c, period)
+        return phi, row, None if left.all() and len(left) == len(phi) else factors, multipliers.astype(np.complex128)
 
     def forced(self, frequency: float) -> LinearSineResponse | None:
         """Return the linear model under a sine of 1; None where it has a pole at that very frequency.
@@ -153,7 +146,7 @@ class LinearSineResponse:
         states: complex amplitudes X of the states, shape (n,).
         phi: e^(AT), shape (n, n).
         factors: see `VariationalEquation`.
-        multipliers: eigenvalues of e^(AT), shape (n,); None: they are not known.
+        multipliers: eigenvalues of e^(AT) that are not zero but for rounding, and perhaps others; None: not known.
         rows: mean, in-phase and quadrature part that free states put into a period, shape (3, n).
         rest: distance of the operating point from where the linear model rests, shape (n,).
         smallest: what defects of the size of `LinearStart.smallest` in each period do to the output's fundamental.
@@ -179,7 +172,7 @@ class LinearSineResponse:
         if n == 0:
             none, flat = np.zeros(0), (np.zeros((0, 0)), None, None, np.zeros((3, 0)))
             return cls(complex(part.d), 0.0, part.d == 0.0, abs(part.d), none.astype(np.complex128), *flat, none, 0.0)
-        states, outputs = resolvent(part.A, part.B, at), resolvent(part.A.T, part.C.T, at)
+        states, outputs = resolvents(part.A, part.B, part.C, at)
         forced, reach = states[0, :, 0], outputs[0, :, 0]
         response = complex(part.c @ forced) + part.d
         phi, integral, factors, multipliers = start.transition(period)
@@ -247,7 +240,17 @@ class Surroundings:
     own_step: float = 0.0
 
 
-def surroundings(model: Model, input: str, output: str) -> Surroundings:
+def quick(frequency: float, periods: int) -> float:
+    """Return from which rate on nothing is left of a mode after a period, nor where a run is looked at first [1/s].
+
+    Args:
+        frequency: the highest of a sweep [Hz]; a resonance beside it is looked at up to twice that.
+        periods: of the longest run.
+    """
+    return -math.log(GONE) * 2.0 * frequency * max(1.0, (GRID - 1) / periods)
+
+
+def surroundings(model: Model, input: str, output: str, quick: float = math.inf) -> Surroundings:
     """Return what a model shows of itself where its runs start.
 
     There is no linear model for co-simulation (it shows no derivatives), for a sampled model (its multipliers are not
@@ -258,6 +261,7 @@ def surroundings(model: Model, input: str, output: str) -> Surroundings:
         model: it stays open.
         input: forced input.
         output: output, or a state.
+        quick: see `LinearStart`.
     """
     if model.interface != "me":
         return _of_rates(model)
@@ -277,7 +281,7 @@ def surroundings(model: Model, input: str, output: str) -> Surroundings:
     finite = all(np.isfinite(m).all() for m in (part.A, part.B, part.C, part.D, dx0))
     if not finite or len(dx0) != len(part.A):
         return Surroundings()
-    linear = LinearStart(part, dx0, smallest)
+    linear = LinearStart(part, dx0, smallest, quick)
     return Surroundings(linear if len(dx0) <= _MANY_STATES or linear.modes is not None else None)
 
 

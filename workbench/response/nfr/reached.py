@@ -9,10 +9,11 @@ import numpy as np
 
 from workbench.core.machine.blas import one_thread
 from workbench.core.values.arrays import Complex, Floats
+from workbench.core.values.eigenmodes import Eigenmodes
 from workbench.errors import WorkbenchError
 from workbench.response.nfr.period_solver import REACHED, Solved
 from workbench.response.nfr.point import NfrPoint, PointTask
-from workbench.response.nfr.prior_knowledge import GONE, LinearSineResponse, LinearStart
+from workbench.response.nfr.prior_knowledge import DECAYED, GONE, GRID, LinearSineResponse
 from workbench.response.periodic.fourier import Period, fundamental
 from workbench.response.periodic.stability import NEUTRAL
 from workbench.session.compiled import CompiledMeSession
@@ -26,10 +27,7 @@ _FOLLOWS = 0.2
 
 
 # Instants of the linear run at which the model itself is asked; besides, the extremes of so many states.
-_GRID, _EVENLY, _EXTREMES = 400, 8, 8
-
-# After so many time constants of the slowest mode a run shows nothing new.
-_DECAYED = 5.0
+_EVENLY, _EXTREMES = 8, 8
 
 
 def contracts(session: CompiledMeSession, task: PointTask, result: Solved, origin: Floats) -> bool:
@@ -51,12 +49,12 @@ def contracts(session: CompiledMeSession, task: PointTask, result: Solved, origi
     forced = None if linear is None else linear.forced(task.frequency)
     if linear is None or forced is None or linear.modes is None or instance.nz or result.lap.events:
         return False
-    poles, vectors, inverse = linear.modes
-    rates = -poles.real
+    rates = -linear.modes.poles.real
     if (rates < -NEUTRAL * task.frequency).any():
         return False
-    times, moves = _linear_run(task, linear, forced)
-    looked, stand = _telling(moves, linear.smallest), Stand(instance)
+    times, moves = _linear_run(task, linear.modes, forced)
+    far = np.abs(moves).max(axis=1)
+    looked, stand = _telling(moves, far / np.maximum(linear.smallest, 1e-300)), Stand(instance)
     drive = task.amplitude * np.sin(2.0 * np.pi * task.frequency * times[looked])
     try:
         dx = [
@@ -67,31 +65,31 @@ def contracts(session: CompiledMeSession, task: PointTask, result: Solved, origi
         return False
     with one_thread():
         wanted = linear.dx0[:, None] + linear.part.A @ moves[:, looked] + linear.part.B * drive
-        left = np.abs(inverse @ (np.transpose(dx) - wanted)).max(axis=1)
-        shift = np.abs(vectors) @ (left / np.maximum(rates, task.frequency / task.max_periods))
+    shift = linear.modes.bound(np.transpose(dx) - wanted, np.maximum(rates, task.frequency / task.max_periods))
     away = np.abs(result.x - origin - task.amplitude * forced.states.imag + forced.rest)
-    return bool((shift + away <= _FOLLOWS * np.maximum(np.abs(moves).max(axis=1), linear.smallest)).all())
+    return bool((shift + away <= _FOLLOWS * np.maximum(far, linear.smallest)).all())
 
 
-def _linear_run(task: PointTask, linear: LinearStart, forced: LinearSineResponse) -> tuple[Floats, Floats]:
+def _linear_run(task: PointTask, modes: Eigenmodes, forced: LinearSineResponse) -> tuple[Floats, Floats]:
     """Return times [s], shape (k,), and the linear model's states there, from the operating point, shape (n, k)."""
-    poles, vectors, inverse = linear.modes or (np.zeros(0),) * 3
+    poles, vectors, inverse = modes.poles, modes.vectors, modes.inverse
     last, omega = task.max_periods / task.frequency, 2.0 * np.pi * task.frequency
-    times = np.linspace(0.0, min(last, _DECAYED / max(-poles.real.max(), _DECAYED / last)), _GRID)
+    times = np.linspace(0.0, min(last, DECAYED / max(-poles.real.max(), DECAYED / last)), GRID)
     start = forced.rest - task.amplitude * forced.states.imag
     left = poles.real * times[1] > np.log(GONE)  # quicker modes are seen at the first instant only
     rates = (poles if poles.imag.any() else poles.real)[left]
     with one_thread():
         free = (vectors[:, left] @ ((inverse[left] @ start)[:, None] * np.exp(np.outer(rates, times)))).real
     free[:, 0] = start
-    steady = task.amplitude * np.imag(np.outer(forced.states, np.exp(1j * omega * times)))
+    parts = np.column_stack([forced.states.real, forced.states.imag])  # of Im X·e^(jωt)
+    steady = task.amplitude * parts @ np.array([np.sin(omega * times), np.cos(omega * times)])
     return times, free + steady - forced.rest[:, None]
 
 
-def _telling(moves: Floats, smallest: Floats) -> list[int]:
+def _telling(moves: Floats, far: Floats) -> list[int]:
     """Return the instants at which a run is compared: some evenly spaced, and the extremes of the largest states."""
-    largest = np.argsort(-np.abs(moves).max(axis=1) / np.maximum(smallest, 1e-300))[:_EXTREMES]
-    even = np.linspace(0, _GRID - 1, _EVENLY, dtype=int)
+    largest = np.argsort(-far)[:_EXTREMES]
+    even = np.linspace(0, GRID - 1, _EVENLY, dtype=int)
     result: list[int] = np.unique([*even, *moves[largest].argmax(axis=1), *moves[largest].argmin(axis=1)]).tolist()
     return result
 
