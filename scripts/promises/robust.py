@@ -1,8 +1,9 @@
 """Whether stability margins over parameters are ever optimistic: random loops beside brute force.
 
 Each loop is a controller with a lead, a notch and two lags around an integrator; two or three of their constants are
-uncertain by 10 to 50 %, and act by their inverses, squares and products; every other loop becomes unstable. Brute force: roots of the closed loop's
-polynomial, written down apart from the workbench, at random parameter sets and at the corners of boxes that grow.
+uncertain by 10 to 50 %, and act by their inverses, squares and products; every other loop becomes unstable. Brute
+force: roots of the closed loop's polynomial, written down apart from the workbench, at random parameter sets and at
+the corners of boxes that grow.
 """
 
 from __future__ import annotations
