@@ -43,7 +43,8 @@ SHORT: Mapping[str, tuple[Mapping[str, Any], ...]] = {
     "calibrate": ({"cases": 2, "every": 7},),
     "tune": ({"cases": 6, "planted": 3, "names": "AC4,HE1"},),
     "mu": ({"cases": 100},),
-    "robust": ({"cases": 2, "samples": 500},),
+    "disks": ({"cases": 6},),
+    "robust": ({"cases": 6},),
 }
 
 

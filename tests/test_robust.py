@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
+import shlex
+import shutil
 from pathlib import Path
 
 import control
@@ -11,12 +14,14 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from scripts.promises import mu, robust
+from scripts.promises import disks, mu, robust
 from workbench.cli.app import run
+from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import Linear
 from workbench.errors import InputError
 from workbench.loops.mu.blocks import MuBlock
 from workbench.loops.mu.peak import peak
+from workbench.loops.robust.fraction import fraction
 
 # 1/(s³ + 0.6 s² + s) in a loop with a gain k: stable below 0.6 (Routh), where the poles are ±j.
 ROUTH = """
@@ -108,6 +113,34 @@ def test_the_margin_of_a_gain_is_that_of_routh_and_its_worst_set_is_unstable(rou
     assert told.worst.parameters["k.gain"] == pytest.approx(0.6, rel=1e-2)
 
 
+def test_the_worst_set_is_a_file_and_a_command_that_have_its_poles(
+    routh: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(routh.parent)  # the command names the file alone
+    out, shown = tmp_path / "worst.toml", tmp_path / "lin.json"
+    with wb.load(routh) as system:
+        found = wb.robust(system, {"k.gain": (0.1, 0.7)}, hold=True, out=out, in_process=True)
+    worst = found.stability.worst
+    with wb.load(out) as written:
+        assert np.sort_complex(wb.lin(written, inputs=["r"]).poles()) == pytest.approx(np.sort_complex(worst.poles))
+    words = shlex.split(found.command_line)
+    assert words[:2] == ["workbench", "lin"]
+    assert run([*words[1:], "--json", str(shown), "--in-process"]) == 0
+    a = np.array(json.loads(shown.read_text(encoding="utf-8"))["A"])
+    assert np.sort_complex(np.linalg.eigvals(a)) == pytest.approx(np.sort_complex(worst.poles))
+
+
+def test_the_command_of_a_trimmed_worst_set_trims_there_first(
+    routh: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(routh, tmp_path)
+    with wb.load(routh) as system:
+        found = wb.robust(system, {"k.gain": (0.1, 0.7)}, in_process=True)
+    for line in found.command_line.split(" && "):
+        assert run([*shlex.split(line)[1:], "--in-process"]) == 0
+
+
 def test_the_worst_disk_margin_is_that_of_the_loop_at_the_worst_gain(routh: Path) -> None:
     with wb.load(routh) as system:
         found = wb.robust(system, uncertain={"k.gain": (0.2, 0.4)}, open=["plant.y"], in_process=True)
@@ -136,6 +169,26 @@ def test_no_bound_is_optimistic_over_loops_whose_parameters_act_in_curves() -> N
     assert robust.run(cases=1, samples=400, seed=2) == 0
 
 
+def test_disk_margins_of_several_loops_are_those_of_python_control_with_what_lies_between_its_points() -> None:
+    assert disks.run(cases=1, seed=7) == 0
+
+
+def test_products_squares_and_inverses_of_parameters_are_exact() -> None:
+    """k/τ, 1/τ and b²: no rest is left, at points on which nothing was fitted either."""
+
+    def entries(d: Floats) -> Floats:
+        k, b, tau = 2.0 + d[0], 1.0 + 0.5 * d[1], 1.0 + 0.6 * d[2]
+        return np.array([[k / tau, 1.0 / tau], [b * b, 1.0]])
+
+    middle = entries(np.zeros(3))
+    alone = [[entries(x * e) - middle for x in (1.0, -0.5, -1.0, 0.5)] for e in np.eye(3)]
+    corners = [np.array(s) for s in itertools.product((-1.0, 1.0), repeat=3)]
+    found = fraction(alone, corners, [entries(c) - middle for c in corners], 1e-12)
+    assert found.ranks == (1, 2, 1)
+    for d in np.random.default_rng(0).uniform(-1.0, 1.0, (20, 3)):
+        assert np.abs(found.at(d) - (entries(d) - middle)).max() <= 1e-4
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -143,6 +196,7 @@ def test_no_bound_is_optimistic_over_loops_whose_parameters_act_in_curves() -> N
         ("--uncertain k.gain=0.7:0.1", "LO < HI"),
         ("--uncertain k.gain=0.1:0.7 --input r", "--output: the worst-case gain needs inputs and outputs"),
         ("--uncertain k.gain=0.5:0.9", "is not stable in the middle of the ranges"),
+        ("--uncertain k.gain=0.1:0.7 --out worst.fmu", "neither .toml nor .ssp"),
         ("--uncertain k.gain=0.1:0.7 --open plant.z", "no connection leaves 'plant.z'"),
     ],
 )

@@ -150,6 +150,7 @@ class DescribedModel(Model):
         self._sessions: weakref.WeakSet[FmuSession] = weakref.WeakSet()
         self.recipe, self.at = recipe, recipe.at
         self._why_replay: str | None = None
+        self._kept_state = set[bool]()  # shared with the same model at other values; True: one of them keeps its state
         self.start_note = ""
         self._start_probed = False
         self.slopes: bool | None = None
@@ -478,7 +479,9 @@ class DescribedModel(Model):
             if not claims.state:
                 self._why_replay = self._without_state()
             else:
-                self._why_replay = why_state_fails(self._open, self._setup)
+                self._why_replay = "" if self._kept_state else why_state_fails(self._open, self._setup)
+                if not self._why_replay:
+                    self._kept_state.add(True)
         return self._why_replay
 
     def _without_state(self) -> str:

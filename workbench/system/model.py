@@ -82,6 +82,7 @@ class ConnectedModel(DescribedModel):
         starts = {**self.recipe.start_values, **rest}
         twin = self._again(opened, replace(self.recipe, system=opened.description, start_values=starts))
         twin._sessions = self._sessions  # noqa: SLF001 - it is closed with this one
+        twin._kept_state = self._kept_state  # noqa: SLF001 - its own
         return twin
 
     def _instances(self) -> list[Instance]:

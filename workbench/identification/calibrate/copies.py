@@ -7,9 +7,9 @@ from dataclasses import replace
 
 from workbench.errors import WorkbenchError
 from workbench.fmi.variable import Value
-from workbench.identification.calibrate.calibrated import system_of
 from workbench.model import DescribedModel, Model
 from workbench.model.load import FmuRecipe
+from workbench.system.as_system import system_of
 from workbench.system.description import SystemDescription
 from workbench.system.nested import Inner, embed
 from workbench.system.openable import OpenableSystem

@@ -15,7 +15,6 @@ from workbench.core.machine.files import file_to_write
 from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
 from workbench.errors import InputError
-from workbench.identification.calibrate.calibrated import write_calibrated
 from workbench.identification.calibrate.copies import copies
 from workbench.identification.calibrate.data import check_named, measured, played
 from workbench.identification.calibrate.information import (
@@ -50,6 +49,7 @@ from workbench.jobs.store import Store
 from workbench.jobs.version import stamp
 from workbench.model import Model
 from workbench.model.operating_point import start_at
+from workbench.system.as_system import write_system_of
 
 __all__ = ["CalibrationWork", "place_of", "run"]
 
@@ -97,7 +97,7 @@ def run(model: Model, request: Calibrate, job: Job) -> CalibrateResult:
             result = replace(result, next_experiment=next_experiment(found, known, request, work.posed(found)))
         compared = work.compared(others, found) if others else ()
     if request.out is not None:
-        write_calibrated(model, result.values, Path(request.out))
+        write_system_of(model, result.values, Path(request.out))
     return replace(result, validation=compared, runs=place.count, failed_runs=place.failed.total())
 
 

@@ -13,11 +13,13 @@ from workbench.loops.mu.blocks import MuBlock, places
 
 __all__ = ["improved"]
 
-_ROUNDS, _STEPS = 30, 8  # of the level, and of Newton's method at each
+_ROUNDS, _STEPS = 30, 40  # of the level, and of Newton's method at each
 _CENTRED = 0.5  # a step so small, in the norm of the Hessian, ends them
-_TOWARDS = 0.2  # the next level lies so far from the least one that is proved towards the one before
-_ENOUGH = 2e-3  # relative: a level that falls by less ends the search
+_TOWARDS = 0.1  # the next level lies so far from the least one that is proved towards the one before
+_ENOUGH = 0.01  # relative: a level that falls by less ends the search
 _LARGEST_G = 100.0  # beside a matrix of size 1: G grows no further, which a real block could let it do for ever
+
+_Factors = tuple[Complex, Complex]  # of t D - Mᴴ D M - j (G M - Mᴴ G), and of D
 
 
 def improved(
@@ -39,16 +41,19 @@ def improved(
     (1994), section 2.4.
     """
     search = _CentreSearch(matrix, blocks)
-    start = d * (len(d) / np.trace(d).real)
-    x = search.coordinates(0.99 * start + 0.01 * np.eye(len(d)), g * (len(d) / np.trace(d).real))
-    best, level = (d, g), search.least(x)
-    smallest = search.least(search.coordinates(start, g * (len(d) / np.trace(d).real)))
-    t = 1.1 * level + 1e-9
+    identity, size = np.eye(len(d), dtype=np.complex128), len(d) / np.trace(d).real
+    starts = search.coordinates(size * (0.99 * d) + 0.01 * identity, size * g), search.coordinates(identity, 0.0 * g)
+    x = min(starts, key=search.least)  # those that are given may be on the edge of what is allowed
+    best, smallest = (d, g), search.least(search.coordinates(d, g))
+    t = 1.1 * search.least(x) + 1e-9
     for _ in range(_ROUNDS):
         if not 1e-10 < t < np.inf:
             break
+        inside = search.factors(x, t)
         for _ in range(_STEPS):
-            x, decrement = search.step(x, t)
+            if inside is None:
+                break
+            x, inside, decrement = search.step(x, t, inside)
             if decrement < _CENTRED:
                 break
         found = search.least(x)
@@ -103,11 +108,16 @@ class _CentreSearch:
             return np.inf
         return max(float(values[-1]), 0.0) if np.isfinite(values).all() else np.inf
 
-    def step(self, x: Floats, t: float) -> tuple[Floats, float]:
-        """Return the coordinates after a damped step of Newton's method, the trace of D as it was; and its size."""
-        inside = self._factors(x, t)
-        if inside is None:
-            return x, 0.0
+    def step(self, x: Floats, t: float, inside: _Factors) -> tuple[Floats, _Factors, float]:
+        """Return the coordinates after a step of Newton's method, the trace of D as it was; their factors; its size.
+
+        The damped step, which is always inside, is doubled as long as the barrier falls.
+
+        Args:
+            x: coordinates.
+            t: the level.
+            inside: factors there.
+        """
         first, second = (_seen(f, m) for f, m in zip(inside, (t * self._own - self._left, self._own), strict=True))
         diagonal = slice(None, None, len(inside[0]) + 1)
         gradient = self._bent * x - first[:, diagonal].real.sum(axis=1) - second[:, diagonal].real.sum(axis=1)
@@ -118,17 +128,29 @@ class _CentreSearch:
         try:
             move = np.linalg.solve(system, np.append(-gradient, 0.0))[:-1]
         except np.linalg.LinAlgError:
-            return x, 0.0
+            return x, inside, 0.0
         decrement = float(np.sqrt(max(-gradient @ move, 0.0)))
-        share = 1.0 / (1.0 + decrement)
-        for _ in range(20):
-            if self._factors(x + share * move, t) is not None:
-                return np.asarray(x + share * move), decrement
-            share *= 0.5
-        return x, 0.0
+        share, best, lowest = 1.0 / (1.0 + decrement), None, np.inf
+        while share <= 1.0:
+            further = x + share * move
+            found = self.factors(further, t)
+            barrier = np.inf if found is None else self._barrier(further, found)
+            if not (found is not None and barrier < lowest):
+                break
+            best, lowest, share = (further, found), barrier, 2.0 * share
+        return (x, inside, 0.0) if best is None else (*best, decrement)
 
-    def _factors(self, x: Floats, t: float) -> tuple[Complex, Complex] | None:
-        """Return the Cholesky factors of both matrices that have to be positive; None: one of them is not."""
+    def _barrier(self, x: Floats, inside: _Factors) -> float:
+        logarithms = sum(float(np.log(f.diagonal().real).sum()) for f in inside)
+        return 0.5 * float(self._bent @ x**2) - 2.0 * logarithms
+
+    def factors(self, x: Floats, t: float) -> _Factors | None:
+        """Return the Cholesky factors of both matrices that have to be positive; None: one of them is not.
+
+        Args:
+            x: coordinates.
+            t: the level.
+        """
         d = _sum(x, self._own)
         try:
             f, own = (np.asarray(np.linalg.cholesky(m)) for m in (t * d - _sum(x, self._left), d))

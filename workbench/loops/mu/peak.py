@@ -48,6 +48,7 @@ def peak(
     band_hz: tuple[float, float] = (0.0, math.inf),
     *,
     close: float = _CLOSE,
+    least: float = 0.0,
     enough: float = math.inf,
 ) -> Peak:
     """Return the least level at which µ(M(jω) S) ≤ 1 is proved over a band; S divides the blocks that vary by it.
@@ -61,7 +62,8 @@ def peak(
         blocks: of the perturbation.
         band_hz: lowest and highest frequency [Hz].
         close: how near the level is to the least one.
-        enough: a level as high as this ends the search.
+        least: level to begin with: a lower one is not told from it.
+        enough: a level above this ends the search.
 
     Source: C. T. Lawrence, A. L. Tits, P. Van Dooren, A fast algorithm for the computation of an upper bound on the
     µ-norm, Automatica 36 (2000); G. Ferreres, J.-F. Magni, J.-M. Biannic, Robustness analysis of flexible structures:
@@ -73,13 +75,9 @@ def peak(
     low, high = (warp.there(2.0 * math.pi * f) for f in band_hz)
     own = np.abs(np.linalg.eigvals(m.A)) if len(m.A) else np.zeros(0)
     own = np.unique(own[(own > low) & (own < high)])
-    level, where = 0.0, low
-    for omega in (low, high, *own.tolist()):
-        needed = level_at(response_at(m, omega), blocks, level)
-        if needed > level:
-            level, where = needed * (1.0 + close), omega
-        if not level < enough:
-            return Peak(level, warp.back_hz(where), 0)
+    level, where = _first_level(m, blocks, (low, high, *own.tolist()), least, close=close, enough=enough)
+    if level > enough:
+        return Peak(level, warp.back_hz(where), 0)
     level = max(level, 1e-9)  # where nothing is needed, what is proved is as good as any size
     todo, count = [(low, high)], 0
     while todo:
@@ -88,8 +86,8 @@ def peak(
         matrix = response_at(m, omega)
         proof = upper_bound(scaled(matrix, blocks, level), blocks, enough=_PROVED)
         if proof.bound >= 1.0 - 0.1 * close:
-            level, where = max(level, level_at(matrix, blocks, level)) * (1.0 + close), omega
-            if not level < enough:
+            level, where = max(level, level_at(matrix, blocks, level, close=close)) * (1.0 + close), omega
+            if level > enough:
                 return Peak(level, warp.back_hz(where), count)
             proof = upper_bound(scaled(matrix, blocks, level), blocks)
         first, last = _proved(m, blocks, level, proof, omega, limits=(begin, end))
@@ -104,6 +102,24 @@ def peak(
     return Peak(0.0 if level <= 1e-9 else level, warp.back_hz(where), count)
 
 
+def _first_level(
+    m: Linear, blocks: Sequence[MuBlock], omegas: Sequence[float], least: float, *, close: float, enough: float
+) -> tuple[float, float]:
+    """Return the level that some frequencies need, and which of them [rad/s]; a level above `enough` ends the search.
+
+    The largest matrix comes first: what it needs is mostly enough for the others.
+    """
+    level, where = least, omegas[0]
+    found = [(omega, response_at(m, omega)) for omega in omegas]
+    for omega, matrix in sorted(found, key=lambda pair: -float(np.linalg.norm(pair[1], 2))):
+        needed = level_at(matrix, blocks, level, close=close)
+        if needed > level:
+            level, where = needed * (1.0 + close), omega
+        if level > enough:
+            break
+    return level, where
+
+
 def level_at(
     matrix: Complex,
     blocks: Sequence[MuBlock],
@@ -112,6 +128,7 @@ def level_at(
     start: float = 1.0,
     rounds: int = 30,
     full: bool = True,
+    close: float = _CLOSE,
 ) -> float:
     """Return the least level at one frequency; infinite: the blocks that do not vary are too large by themselves.
 
@@ -124,6 +141,7 @@ def level_at(
         start: level to begin with, where none is known.
         rounds: most changes of the scalings.
         full: see `upper_bound`.
+        close: relative: how near it is to the least one.
     """
     if all(b.varies for b in blocks):
         return max(known, upper_bound(matrix, blocks, enough=known, full=full).bound)
@@ -142,9 +160,9 @@ def level_at(
         return math.inf
     for turn in range(rounds):
         lower = _least(matrix, blocks, level, proof)
-        if not lower < level * (1.0 - _CLOSE):
+        if not lower < level * (1.0 - close):
             break
-        level = max(lower * (1.0 + 0.1 * _CLOSE), known)
+        level = max(lower * (1.0 + 0.1 * close), known)
         if level <= known or level < 1e-9 or turn == rounds - 1:
             break
         proof = upper_bound(scaled(matrix, blocks, level), blocks, full=full)

@@ -15,7 +15,8 @@ from workbench.loops.mu.centre import improved
 __all__ = ["Scaling", "bound_of", "upper_bound"]
 
 
-_LARGEST_G = 100.0  # beside D, of a matrix of size 1: a bound is widened within 1/200 of where M is real
+_LARGEST_G = 1000.0  # beside D, of a matrix of size 1: a bound is widened within 1/2000 of where M is real
+_LOST = 1.01  # relative: a bound that a limit of G makes so much larger is sought again
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +39,8 @@ def upper_bound(matrix: Complex, blocks: Sequence[MuBlock], *, enough: float = 0
 
     The scalings are those of SLICOT's AB13MD, whose real blocks are single numbers: a number that stands several times
     on the diagonal is there several numbers, which is a larger set. For these D and G have full blocks, found from
-    there by Newton's method. The bound is computed from the scalings, so that it holds whatever they are.
+    there by Newton's method, and where G is too large. The bound is computed from the scalings, so that it holds
+    whatever they are.
 
     Args:
         matrix: M, shape (n, n).
@@ -54,13 +56,18 @@ def upper_bound(matrix: Complex, blocks: Sequence[MuBlock], *, enough: float = 0
     plain = Scaling(bound_of(matrix, identity, zero), identity, zero)
     if plain.bound <= enough or not np.isfinite(plain.bound):
         return plain
-    result = min(plain, _diagonal(matrix / plain.bound, blocks, plain.bound), key=lambda s: s.bound)
-    result = _limited(matrix, result)
-    if full and result.bound > enough and any(b.real and b.size > 1 for b in blocks):
+    found = _diagonal(matrix / plain.bound, blocks, plain.bound)
+    complex_only = Scaling(bound_of(matrix, found.d, zero), found.d, zero)
+    result = min(plain, complex_only, _limited(matrix, found), key=lambda s: s.bound)
+    lost = result.bound > _LOST * found.bound
+    if full and result.bound > enough and (lost or any(b.real and b.size > 1 for b in blocks)):
         size = plain.bound
-        d, g = improved(matrix / size, blocks, result.d, result.g / size, enough=enough / size)
-        found = _limited(matrix, Scaling(bound_of(matrix, d, g * size), d, g * size))
-        result = min(result, found, key=lambda s: s.bound)
+        for least in dict.fromkeys((enough, 0.0)):
+            d, g = improved(matrix / size, blocks, result.d, result.g / size, enough=least / size)
+            found = _limited(matrix, Scaling(bound_of(matrix, d, g * size), d, g * size))
+            result = min(result, found, key=lambda s: s.bound)
+            if result.bound <= enough:
+                break  # else G was too large where the search ended, and it is smaller farther on
     return result
 
 

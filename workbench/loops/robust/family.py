@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from workbench.errors import InputError, SimulationError
 from workbench.jobs.job import Job
 from workbench.jobs.options import Workers
 from workbench.model import Model
+from workbench.point.lin.grid import LinPoint
 from workbench.point.lin.request import Lin
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.sweep import points_at
@@ -74,7 +75,9 @@ class UncertainFamily:
         self._trimmed, self._changed = trimmed, changed
         self._known: dict[Place, Linear] = {}
         self.failed: dict[Place, str] = {}
+        self._chosen = common
         self.centre: LinResult = self._first()
+        self._chosen = replace(common, method=self.centre.method)
 
     @property
     def accuracy(self) -> float:
@@ -115,10 +118,7 @@ class UncertainFamily:
     def _make(self, fresh: Sequence[Place]) -> None:
         named = {tuple(self.values(p).items()): p for p in fresh}
         todo = [dict(items) for items in named]
-        made = points_at(
-            self._model, todo, self._common, self._workers, self._job, explained=False, trimmed=self._trimmed
-        )
-        for point in made:
+        for point in self._points(todo):
             place = named[tuple(point.values.items())]
             if point.result is None:
                 self.failed[place] = point.reason or "no linear model"
@@ -132,6 +132,22 @@ class UncertainFamily:
                 )
             self._known[place] = linear
             self._job.done(str(point), self.count, self.count + 1)
+
+    def _points(self, todo: Sequence[dict[str, float]]) -> Iterator[LinPoint]:
+        """Yield the linear models by the method of the middle; where that fails, by the one that is chosen there."""
+        again = list[dict[str, float]]()
+        for common in (self._chosen, self._common):
+            made = points_at(
+                self._model, todo, common, self._workers, self._job, explained=False, trimmed=self._trimmed
+            )
+            for point in made if todo else ():
+                if point.result is None and common.method != self._common.method:
+                    again.append(point.values)
+                else:
+                    yield point
+            if common.method == self._common.method:
+                return
+            todo = again
 
     @property
     def _any(self) -> Linear:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.errors import SimulationError
-from workbench.loops.mu.peak import peak
+from workbench.loops.mu.peak import Peak, peak
 from workbench.loops.robust.family import Place, UncertainFamily
 from workbench.loops.robust.uncertain import Box, UncertainModel, uncertain_model
 from workbench.loops.robust.worst import is_stable, is_unstable
@@ -17,6 +17,7 @@ __all__ = ["ProvedMargin", "ProvedParts", "divided", "needed", "proved_margin"]
 
 _ROUNDS = 5  # sizes that are tried
 _CLOSE = 0.03  # relative: how near the margin is to the largest one that the bounds prove
+_LEVEL = 0.01  # and how near a level is to the least one; whether 1 suffices is told apart from that
 _BELOW = 0.995  # the next size beside the one that a bound suggests
 
 
@@ -28,12 +29,14 @@ class ProvedMargin:
         size: of the largest one that is proved; 0: none is.
         most: largest size at which there are linear models, as far as was looked.
         models: size → uncertain model over that box.
+        peaks: size → frequency at which most is needed of it [Hz].
         notes: one line each.
     """
 
     size: float
     most: float
     models: dict[float, UncertainModel]
+    peaks: dict[float, float]
     notes: tuple[str, ...]
 
 
@@ -50,12 +53,25 @@ class ProvedParts:
     unstable: Place | None = None
 
 
-def needed(model: UncertainModel) -> float:
-    """Return the level that the stability over a box needs: 1 or less proves it; infinite: the middle is not stable."""
+def needed(model: UncertainModel, *, least: float = 0.0) -> Peak:
+    """Return the level that the stability over a box needs: 1 or less proves it; infinite: the middle is not stable.
+
+    Args:
+        model: over the box.
+        least: a level that is not told from a lower one.
+    """
     system, blocks = model.stability()
     if not is_stable(replace(system, B=system.B[:, :0], C=system.C[:0], D=np.zeros((0, 0)))):
-        return math.inf
-    return peak(system, blocks).level
+        return Peak(math.inf, math.nan, 0)
+    found = peak(system, blocks, close=_LEVEL, least=min(least, 1.0))
+    if 1.0 < found.level <= (1.0 + _LEVEL) ** 3 and proves(model):
+        return replace(found, level=1.0)
+    return found
+
+
+def proves(model: UncertainModel) -> bool:
+    """Whether the bounds prove the stability over a box whose middle is stable."""
+    return peak(*model.stability(), least=1.0, enough=1.0).level <= 1.0
 
 
 def proved_margin(family: UncertainFamily, most: float) -> ProvedMargin:
@@ -70,6 +86,7 @@ def proved_margin(family: UncertainFamily, most: float) -> ProvedMargin:
     """
     count = len(family.parameters)
     models: dict[float, UncertainModel] = {}
+    peaks: dict[float, float] = {}
     notes: list[str] = []
     size, best, limit, refused = 1.0, 0.0, most, math.inf
     for _ in range(_ROUNDS):
@@ -83,7 +100,8 @@ def proved_margin(family: UncertainFamily, most: float) -> ProvedMargin:
             size = math.sqrt(size * max(best, 1.0))
             continue
         models[size] = model
-        level = needed(model)
+        found = needed(model, least=0.99 * size / limit)
+        level, peaks[size] = found.level, found.frequency_hz
         if level <= 1.0:
             best = max(best, size)
         else:
@@ -97,7 +115,7 @@ def proved_margin(family: UncertainFamily, most: float) -> ProvedMargin:
         if refused <= best * (1.0 + _CLOSE) or (best > 0.0 and following <= best * (1.0 + _CLOSE)):
             break
         size = following
-    return ProvedMargin(best, limit, models, tuple(notes))
+    return ProvedMargin(best, limit, models, peaks, tuple(notes))
 
 
 def divided(family: UncertainFamily, whole: UncertainModel, boxes: int) -> ProvedParts:
@@ -114,13 +132,10 @@ def divided(family: UncertainFamily, whole: UncertainModel, boxes: int) -> Prove
         (middle,) = family.at([model.box.centre])
         if middle is not None and is_unstable(middle):
             return ProvedParts((), model.box.centre)
-        if needed(model) <= 1.0:
+        if middle is not None and is_stable(middle) and proves(model):
             proved.append(model)
             continue
         if len(proved) + len(todo) + 2 > boxes:
             return ProvedParts(())
-        acts = [
-            float(np.linalg.norm(s) + 2.0 * np.linalg.norm(q)) for s, q in zip(model.slopes, model.curves, strict=True)
-        ]
-        todo += [uncertain_model(family, half) for half in model.box.halves(int(np.argmax(acts)))]
+        todo += [uncertain_model(family, half) for half in model.box.halves(int(np.argmax(model.acts)))]
     return ProvedParts(tuple(proved))

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import KW_ONLY, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from workbench.core.records.forms import TEXTS, Band, Names, Ranges
+from workbench.core.records.forms import TEXTS, Band, File, Names, Ranges
 from workbench.core.records.option import EACH, option
 from workbench.errors import InputError
 from workbench.jobs.options import InParts
@@ -23,11 +24,11 @@ class Robust(PointOptions, InParts, ModelRequest["RobustResult"]):
     """Tell whether a model stays stable for all parameters in their ranges, how far beyond, and its worst-case gain.
 
     The model is linearised in the middle, at the ends and corners of the ranges and between, at an equilibrium of its
-    own each time. The matrices become N(δ) = N₀ + Σ δᵢ Sᵢ + Σ (δᵢ² - ½) Qᵢ + L Δ R with |δᵢ| ≤ 1; whatever the first
-    terms leave of the models found is held by L Δ R with any Δ of norm 1. N(δ) is a stable system M in a loop with a
-    structured perturbation, and no perturbation smaller than 1/µ(M) makes it unstable. The upper bound of µ, by
-    scalings D and G, is proved over intervals of frequency, not on a grid, so that no peak hides between points. Where
-    it does not decide on the ranges, they are divided, and each part is proved by itself.
+    own each time. The matrices become N(δ) = N₀ + L Δ (I - J Δ)⁻¹ R + W E V, Δ = diag(δᵢ I) with |δᵢ| ≤ 1; whatever the
+    fraction, of low rank, leaves of the models found is held by W E V with any E of norm 1. This is a stable M in a
+    loop with a structured perturbation, and no perturbation smaller than 1/µ(M) makes it unstable. The upper
+    bound of µ, by scalings D and G, is proved over intervals of frequency, not on a grid, so that no peak hides between
+    points. Where it does not decide on the ranges, they are divided, and each part is proved by itself.
 
     The *stability margin* is the size of the ranges, in multiples of those given, up to which the model is stable:
     `lower` is proved, `upper` is a parameter set found, at which the model linearised there has an unstable pole. The
@@ -102,6 +103,9 @@ class Robust(PointOptions, InParts, ModelRequest["RobustResult"]):
         default=False,
         first=True,
     )
+    out: File | None = option(
+        "Write a system file, .toml or .ssp, of the model with the worst parameter set.", default=None
+    )
     method: str = option("Method of linearisation; auto chooses.", choices=METHOD_NAMES, default="auto")
 
     def __post_init__(self) -> None:
@@ -113,6 +117,8 @@ class Robust(PointOptions, InParts, ModelRequest["RobustResult"]):
             raise InputError(f"{missing}: the worst-case gain needs inputs and outputs; give both")
         if self.open and self.inputs is not None:
             raise InputError("open: is for the margins of a loop; give either that or inputs and outputs")
+        if self.out is not None and Path(self.out).suffix.lower() not in (".toml", ".ssp"):
+            raise InputError(f"out: {self.out} is neither .toml nor .ssp")
         if self.band is not None and not 0.0 <= self.band[0] < self.band[1] < math.inf:
             raise InputError(f"band: {self.band[0]:g}:{self.band[1]:g} is not of the form LO:HI with 0 ≤ LO < HI [Hz]")
 

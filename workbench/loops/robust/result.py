@@ -73,7 +73,7 @@ class MuPoint(RecordPart):
 
     Attributes:
         frequency_hz: [Hz].
-        lower: of the slopes alone, attained by a perturbation; 0: none was found.
+        lower: without what is neglected, attained by a perturbation; 0: none was found.
         upper: with all that is neglected; infinite: the neglected rest is too large by itself.
     """
 
@@ -133,7 +133,7 @@ class WorstDisk(RecordPart):
 
 @dataclass(frozen=True, kw_only=True)
 class Neglected(RecordPart):
-    """What the parameters do besides their slopes and curvatures; the bounds have it as a block of any content.
+    """What the parameters do besides their fraction of low rank; the bounds have it as a block of any content.
 
     Attributes:
         relative: its size over the ranges, relative to all that the parameters do.

@@ -7,6 +7,7 @@ import shlex
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from workbench.errors import InputError
 from workbench.jobs.job import Job
 from workbench.loops.loop.cut import INJECTED, PASSED, RETURNED, injected_at
 from workbench.loops.mu.lower import lower_bound
-from workbench.loops.mu.peak import continued, level_at, peak, response_at
+from workbench.loops.mu.peak import continued, level_at, response_at
 from workbench.loops.robust.family import UncertainFamily, UncertainParameter
 from workbench.loops.robust.gain import worst_gain
 from workbench.loops.robust.prove import ProvedMargin, ProvedParts, divided, proved_margin
@@ -44,10 +45,12 @@ from workbench.point.lin.result import LinResult
 from workbench.point.lin.sweep import check_varied
 from workbench.point.lin.task import point_in_full
 from workbench.requests.model_facts import facts_of
+from workbench.system.as_system import write_system_of
 
 __all__ = ["run"]
 
 _CURVE = 20  # frequencies of the bounds of µ
+_POINT = "worst.json"  # in the command that is shown
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,20 +120,23 @@ def _analysed(
     gain = None
     if opened.performance:
         gain = worst_gain(family, whole, parts.proved, opened.performance, request.band)
+    _written(model, stability.worst, request.out)
     notes = (*opened.notes, *remarks, *margin.notes, *_told(family, whole))
     return RobustResult(
         model=model.name,
         interface=model.interface,
         parameters=family.parameters,
         stability=stability,
-        mu=_curve(whole, stability),
+        mu=_curve(whole, stability, margin.peaks[1.0]),
         worst_gain=gain,
         disk_margins=_disks(opened, gain),
-        neglected=Neglected(relative=whole.neglected, models=family.count, accuracy=family.accuracy, ranks=whole.ranks),
+        neglected=Neglected(
+            relative=whole.neglected, models=family.count, accuracy=family.accuracy, ranks=whole.fraction.ranks
+        ),
         nominal_poles=middle.poles,
         dt=middle.dt,
         trimmed=not request.hold,
-        command_line=_command(model, stability.worst),
+        command_line=_command(model, stability.worst, request),
         notes=tuple(dict.fromkeys(notes)),
         operating_point=family.centre.operating_point,
     )
@@ -207,8 +213,8 @@ def _growth(place: WorstPlace, dt: float) -> float:
     return abs(place.pole) if dt > 0.0 else place.pole.real
 
 
-def _curve(whole: UncertainModel, stability: RobustMargin) -> tuple[MuPoint, ...]:
-    """Return bounds of µ over frequency, and at the worst parameter set what it proves."""
+def _curve(whole: UncertainModel, stability: RobustMargin, highest: float) -> tuple[MuPoint, ...]:
+    """Return bounds of µ over frequency, where it is highest, which a grid would miss, and at the worst set."""
     system, blocks = whole.stability()
     if not blocks:
         return ()
@@ -218,17 +224,16 @@ def _curve(whole: UncertainModel, stability: RobustMargin) -> tuple[MuPoint, ...
     low, high = (natural.min() / 10.0, natural.max() * 10.0) if len(natural) else (0.1, 10.0)
     high = min(high, system.highest_hz * (1.0 - 1e-6))
     worst = stability.worst
-    highest = [peak(system, blocks).frequency_hz] if stability.lower > 0.0 else []  # the grid would miss it
-    seen = [f for f in highest if 0.0 < f < high]
+    seen = [highest] if 0.0 < highest < high else []
     shown = np.unique([*np.geomspace(max(low, 1e-6 * high), high, _CURVE), *natural[natural < high], *seen])
-    slopes = [k for k, b in enumerate(blocks) if b.varies]
-    width = sum(blocks[k].size for k in slopes)
+    vary = [b for b in blocks if b.varies]
+    width = sum(b.size for b in vary)
     result = []
     for f in shown.tolist():
         omega = 2.0 * math.pi * f if system.dt == 0.0 else math.tan(math.pi * f * system.dt)
         matrix = response_at(twin, omega)
         upper = level_at(matrix, blocks, start=peak_level, rounds=1, full=False)
-        lower = lower_bound(matrix[:width, :width], [blocks[k] for k in slopes]).bound
+        lower = lower_bound(matrix[:width, :width], vary).bound
         result.append(MuPoint(frequency_hz=f, lower=min(lower, upper), upper=upper))
     if worst.unstable and worst.size > 0.0:
         matrix = response_at(twin, 2.0 * math.pi * worst.frequency_hz if system.dt == 0.0
@@ -263,16 +268,35 @@ def _told(family: UncertainFamily, whole: UncertainModel) -> list[str]:
         notes.append("transport delays are Padé approximations here: what is proved, is proved of these")
     if whole.neglected > 0.3:
         notes.append(
-            f"{whole.neglected:.0%} of what the parameters do over their ranges is neither straight nor square: the "
+            f"{whole.neglected:.0%} of what the parameters do over their ranges is no fraction of low rank: the "
             "bounds are wide for that; narrower ranges, or more parts, make them narrower"
         )
     return notes
 
 
-def _command(model: DescribedModel, worst: WorstPlace) -> str:
-    """Return the line that linearises the model at the worst parameter set."""
+def _written(model: DescribedModel, worst: WorstPlace, out: str | Path | None) -> None:
+    """Write the system file that was asked for."""
+    if out is None:
+        return
+    others = [n for n in worst.parameters if n not in {v.name for v in model.parameters}]
+    if others:
+        raise InputError(f"out: {others[0]} is not a parameter, and a system file has no place for it")
+    write_system_of(model, worst.parameters, Path(out))
+
+
+def _command(model: DescribedModel, worst: WorstPlace, request: Robust) -> str:
+    """Return the line that linearises the model at the worst parameter set, trimmed there where it was."""
     source = facts_of(model).source
+    if not source:
+        return ""
     inputs, states = {v.name for v in model.inputs}, {v.name for v in model.states}
-    flags = {name: "--u0" if name in inputs else "--x0" if name in states else "--set" for name in worst.parameters}
+    held = "--x0" if request.hold else "--fix"
+    flags = {name: "--u0" if name in inputs else held if name in states else "--set" for name in worst.parameters}
     sets = [word for name, value in worst.parameters.items() for word in (flags[name], f"{name}={value!r}")]
-    return shlex.join(["workbench", "lin", str(source), *sets]) if source else ""
+    at = ["--at", str(request.at)] if isinstance(request.at, str | Path) else []
+    if request.hold:
+        return shlex.join(["workbench", "lin", str(source), *at, *sets])
+    parameters = [word for name in worst.parameters if flags[name] == "--set"
+                  for word in ("--set", f"{name}={worst.parameters[name]!r}")]  # fmt: skip
+    trimmed = shlex.join(["workbench", "trim", str(source), *at, *sets, "--json", _POINT])
+    return f"{trimmed} && {shlex.join(['workbench', 'lin', str(source), *parameters, '--at', _POINT])}"

@@ -15,12 +15,11 @@ from workbench.core.values.matrices import balance
 from workbench.errors import SimulationError
 from workbench.loops.mu.blocks import MuBlock
 from workbench.loops.robust.family import Place, UncertainFamily, stacked
+from workbench.loops.robust.fraction import Fraction, fraction
 
 __all__ = ["Box", "UncertainModel", "uncertain_model"]
 
 _CORNERS = 5  # of so many parameters all corners of the box are looked at, of more as many at random
-_RANK = 1e-4  # relative: smaller singular values of what a parameter does are neglected, and counted as such
-_CURVED = 0.02  # relative: what a parameter does in the square is a block of its own from there on
 
 
 @dataclass(frozen=True)
@@ -56,35 +55,32 @@ class Box:
 
 @dataclass(frozen=True, eq=False)
 class UncertainModel:
-    """N(δ) = N₀ + Σ δᵢ Sᵢ + Σ (δᵢ² - ½) Qᵢ + L Δ R over a box, with N = [A B; C D], |δᵢ| ≤ 1, ‖Δ‖ ≤ 1.
+    """N(δ) = N₀ + F(δ) + W E V over a box, with N = [A B; C D], |δᵢ| ≤ 1, ‖E‖ ≤ 1.
 
     Attributes:
         box: in which it holds.
         middle: N₀.
-        slopes: Sᵢ of each parameter, of low rank.
-        curves: Qᵢ likewise; 0 where they are not worth a block.
-        left, right: L and R, which with any Δ hold all that was found besides.
-        neglected: size of that, relative to what the parameters do.
+        fraction: F, what the parameters do.
+        left, right: W and V, which with any E hold all that was found besides.
+        acts: how much each parameter does by itself.
+        neglected: size of what E holds, relative to what the parameters do.
         states: number of states.
         dt: period [s].
     """
 
     box: Box
     middle: Floats
-    slopes: tuple[Floats, ...]
-    curves: tuple[Floats, ...]
+    fraction: Fraction
     left: Floats
     right: Floats
+    acts: tuple[float, ...]
     neglected: float
     states: int
     dt: float
 
     def matrix(self, share: Floats) -> Floats:
         """Return N without the neglected rest, at shares of the half widths."""
-        result = self.middle.copy()
-        for x, s, q in zip(share, self.slopes, self.curves, strict=True):
-            result += x * s + (x * x - 0.5) * q
-        return np.asarray(result)
+        return np.asarray(self.middle + self.fraction.at(share))
 
     @property
     def centre(self) -> Linear:
@@ -92,35 +88,21 @@ class UncertainModel:
         return _taken_apart(self.middle, self.states, self.dt)
 
     @cached_property
-    def ranks(self) -> tuple[int, ...]:
-        """How often each parameter stands on the diagonal."""
-        return tuple(len(_factors(s)[1]) for s in self.slopes)
-
-    @cached_property
-    def _channels(self) -> tuple[Floats, Floats, tuple[MuBlock, ...]]:
-        lefts, rights, blocks = [], [], []
-        for factor, varies, matrices in ((1.0, True, self.slopes), (0.5, False, self.curves)):
-            for matrix in matrices:
-                left, right = _factors(factor * matrix)
-                if len(right):
-                    lefts.append(left)
-                    rights.append(right)
-                    blocks.append(MuBlock(size=len(right), real=True, varies=varies))
-        if self.left.shape[1]:
-            lefts.append(self.left)
-            rights.append(self.right)
-            blocks.append(MuBlock(size=self.left.shape[1], varies=False))
-        rows, columns = self.middle.shape
-        empty = np.zeros((rows, 0)), np.zeros((0, columns))
-        return np.hstack([empty[0], *lefts]), np.vstack([empty[1], *rights]), tuple(blocks)
+    def _channels(self) -> tuple[Floats, Floats, Floats, tuple[MuBlock, ...]]:
+        """L, J and R of parameters and rest together, and their structure."""
+        f, more = self.fraction, self.left.shape[1]
+        blocks = [MuBlock(size=k, real=True) for k in f.ranks if k]
+        if more:
+            blocks.append(MuBlock(size=more, varies=False))
+        inner = np.zeros((len(f.inner) + more,) * 2)
+        inner[: len(f.inner), : len(f.inner)] = f.inner
+        return np.hstack([f.left, self.left]), inner, np.vstack([f.right, self.right]), tuple(blocks)
 
     def stability(self) -> tuple[Linear, tuple[MuBlock, ...]]:
         """Return what the perturbation is in a loop with, and its structure; the model's inputs and outputs are not."""
-        left, right, blocks = self._channels
+        left, inner, right, blocks = self._channels
         n = self.states
-        size = right.shape[0]
-        system = Linear(self.middle[:n, :n], left[:n], right[:, :n], np.zeros((size, size)), dt=self.dt)
-        return system, blocks
+        return Linear(self.middle[:n, :n], left[:n], right[:, :n], inner, dt=self.dt), blocks
 
     def with_performance(self, performance: Sequence[int]) -> tuple[Linear, tuple[MuBlock, ...]]:
         """Return the same with the model's inputs and outputs behind, as complex blocks whose size is sought.
@@ -130,7 +112,7 @@ class UncertainModel:
         Args:
             performance: sizes of the blocks.
         """
-        left, right, blocks = self._channels
+        left, inner, right, blocks = self._channels
         n, size = self.states, right.shape[0]
         outputs, inputs = self.middle.shape[0] - n, self.middle.shape[1] - n
         most = sum(performance)
@@ -140,7 +122,7 @@ class UncertainModel:
         more_left[: n + outputs], more_right[:, : n + inputs] = left, right
         b = np.hstack([more_left[:n], widened[:n, n:]])
         c = np.vstack([more_right[:, :n], widened[n:, :n]])
-        d = np.block([[np.zeros((size, size)), more_right[:, n:]], [more_left[n:], widened[n:, n:]]])
+        d = np.block([[inner, more_right[:, n:]], [more_left[n:], widened[n:, n:]]])
         fixed = tuple(MuBlock(size=x.size, real=x.real, varies=False) for x in blocks)
         return Linear(widened[:n, :n], b, c, d, dt=self.dt), (*fixed, *(MuBlock(size=k) for k in performance))
 
@@ -148,9 +130,9 @@ class UncertainModel:
 def uncertain_model(family: UncertainFamily, box: Box, *, seed: int = 0) -> UncertainModel:
     """Return how the matrices depend on the parameters over a box.
 
-    Slope and curvature of each parameter are those between the ends of its range and the middle. What they leave at
-    the corners and at points between, on which nothing was fitted, is held by the block of the rest: the smallest found
-    that has all of it, and larger in the ratio by which the points between surpass the others.
+    The fraction comes from the ends of each range, the points half way and the corners. What it leaves there and at
+    points between, on which nothing was fitted, is held by the block of the rest: the smallest found that has all of
+    it, and larger in the ratio by which the points between surpass the others.
 
     Args:
         family: of the linear models.
@@ -175,24 +157,17 @@ def uncertain_model(family: UncertainFamily, box: Box, *, seed: int = 0) -> Unce
     size = float(np.abs(every[0]).max(initial=0.0))
     least = 10.0 * family.accuracy * size
     middle = every[0]
-    ends = [(every[1 + i], every[1 + count + i]) for i in range(count)]
-    slopes = tuple(_low_rank(0.5 * (up - down), least) for up, down in ends)
-    bent = [0.5 * (up + down) - middle for up, down in ends]
-    curves = tuple(
-        _low_rank(q, least) if _norm(q) > max(_CURVED * _norm(s), least) else np.zeros_like(q)
-        for q, s in zip(bent, slopes, strict=True)
-    )
-    shifted = middle + 0.5 * sum(curves, np.zeros_like(middle))
-    plain = UncertainModel(
-        box, shifted, slopes, curves, np.zeros((len(middle), 0)), np.zeros((0, middle.shape[1])), 0.0,
-        len(linear[0].A), linear[0].dt,
-    )  # fmt: skip
-    rest = [n - plain.matrix(share) for n, share in zip(every, (*design, *between), strict=True)]
+    moved = [n - middle for n in every]
+    alone = [[moved[1 + k * count + i] for k in (0, 3, 1, 2)] for i in range(count)]
+    first, last = 1 + 4 * count, len(design)
+    found = fraction(alone, design[first:last], moved[first:last], least)
+    rest = [n - found.at(share) for n, share in zip(moved, (*design, *between), strict=True)]
     left, right, norm = _held(rest, len(design), 1e-12 * size)
-    moved = max(float(np.linalg.norm(n - middle, 2)) for n in every)
-    neglected = norm / moved if moved > 0.0 else 0.0
+    most = max(float(np.linalg.norm(n, 2)) for n in moved)
+    acts = tuple(max(float(np.linalg.norm(m)) for m in each) for each in alone)
+    neglected = norm / most if most > 0.0 else 0.0
     return UncertainModel(
-        box, shifted, slopes, curves, left, right, neglected, plain.states, plain.dt
+        box, middle, found, left, right, acts, neglected, len(linear[0].A), linear[0].dt
     )  # fmt: skip
 
 
@@ -236,25 +211,6 @@ def _root(square: Floats, least: float) -> tuple[Floats, Floats]:
     some = values > max(least**2, 1e-20 * float(values[-1]))
     root = values[some] ** 0.25
     return vectors[:, some] * root, (vectors[:, some] / root).T
-
-
-def _norm(matrix: Floats) -> float:
-    return float(np.linalg.norm(matrix))
-
-
-def _low_rank(matrix: Floats, least: float) -> Floats:
-    """Return the matrix without singular values that are small, or smaller than the error of the entries."""
-    u, s, v = np.linalg.svd(matrix, full_matrices=False)
-    kept = s > max(_RANK * float(s[0] if len(s) else 0.0), least)
-    return np.asarray((u[:, kept] * s[kept]) @ v[kept])
-
-
-def _factors(matrix: Floats) -> tuple[Floats, Floats]:
-    """Return L and R with L R the matrix, with as many columns and rows as its rank."""
-    u, s, v = np.linalg.svd(matrix, full_matrices=False)
-    kept = s > 1e-10 * float(s[0] if len(s) else 0.0)
-    root = np.sqrt(s[kept])
-    return u[:, kept] * root, v[kept] * root[:, None]
 
 
 def _taken_apart(matrix: Floats, n: int, dt: float) -> Linear:

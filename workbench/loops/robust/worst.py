@@ -36,7 +36,7 @@ def promising(model: UncertainModel, badness: Callable[[Floats], float], *, seed
         badness: of a matrix N.
         seed: of random points.
     """
-    count = len(model.slopes)
+    count = len(model.box.half)
     random = np.random.default_rng(seed)
     if count <= _CORNERS:
         tried = [np.array(s) for s in itertools.product((-1.0, 1.0), repeat=count)]

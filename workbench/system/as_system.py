@@ -1,4 +1,4 @@
-"""The model with the estimate, as a system file."""
+"""A model with other parameters, as a system file."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from workbench.system.files.toml_write import write_toml
 from workbench.system.parameters import with_values
 from workbench.system.recipe import SystemRecipe
 
-__all__ = ["system_of", "write_calibrated"]
+__all__ = ["system_of", "write_system_of"]
 
 _NAME = "model"  # of the only component, where the model is an FMU
 
 
-def write_calibrated(model: Model, values: Mapping[str, float], path: Path) -> None:
+def write_system_of(model: Model, values: Mapping[str, float], path: Path) -> None:
     """Write a system file of the model with these parameters.
 
     Args:
