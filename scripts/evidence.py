@@ -41,7 +41,8 @@ SHORT: Mapping[str, tuple[Mapping[str, Any], ...]] = {
     "identify": (),
     "rudder": (),
     "calibrate": ({"cases": 2, "every": 7},),
-    "tune": ({"cases": 6, "planted": 3, "names": "AC4,HE1"},),
+    "tune": ({"cases": 6, "names": "AC4,HE1"},),
+    "conflicts": ({"cases": 3},),
     "mu": ({"cases": 100},),
     "robust": ({"cases": 2, "samples": 500},),
 }
