@@ -43,6 +43,7 @@ SHORT: Mapping[str, tuple[Mapping[str, Any], ...]] = {
     "calibrate": ({"cases": 2, "every": 7},),
     "tune": ({"cases": 6, "names": "AC4,HE1"},),
     "conflicts": ({"cases": 3},),
+    "aileron": (),
     "mu": ({"cases": 100},),
     "robust": ({"cases": 2, "samples": 500},),
 }

@@ -20,9 +20,10 @@ import numpy as np
 from scripts.promises.tune import RandomLoop, best_of_grid, random_loop, tuned_loop
 from workbench.core.values.arrays import Floats
 
-__all__ = ["KINDS", "PlantedConflict", "excesses", "feasible", "named", "planted", "run"]
+__all__ = ["KINDS", "PlantedConflict", "excesses", "feasible", "measures", "named", "planted", "run"]
 
 _ROOM = 0.15  # of its scale: what a requirement has left beside each of the pair
+_USABLE = 4.0  # peak of |S|
 _APART = 0.1  # of their scales: how far the pair is from being met, at least
 
 
@@ -173,7 +174,9 @@ def _worse(loop: RandomLoop, limits: Floats, pair: tuple[int, int], gains: Float
 
 
 def feasible(number: int) -> PlantedConflict:
-    """Return a loop whose requirements are met by some gains, with a twentieth of their scales to spare.
+    """Return a loop whose requirements are met by some gains with |S| below 4, a twentieth of their scales to spare.
+
+    At gains that are nearly unstable the set that meets all is a needle, which a local search may not find.
 
     Args:
         number: of it; seeds all that is random.
@@ -182,7 +185,7 @@ def feasible(number: int) -> PlantedConflict:
     while True:
         loop = random_loop(4 * number + int(random.integers(3)), 2 + number % 3)
         found = measures(loop, _grid(loop))
-        found = found[np.isfinite(found[:, 0])]
+        found = found[found[:, 0] < _USABLE]
         if len(found):
             limits = _with_room(found[random.integers(len(found))], 0.05)
             excess = float(excesses(found, limits).max(axis=1).min())
