@@ -197,8 +197,8 @@ def run(
 ) -> int:
     """Measure all of it, and return 1 if the transfer function does not meet what is required at the design speed.
 
-    The one over the range is stable where it is linearised, and its large gain at high frequencies drives the actuator
-    into its rate limit: a large cycle stands beside the rest, which only the simulations tell.
+    Both are stable where they are linearised, at rest, where the quadratic damper gives nothing. In large motions a
+    cycle stands beside the rest, which only the simulations tell.
 
     Args:
         cases: points that are simulated.
