@@ -279,6 +279,9 @@ def test_margins_of_the_worst_loop() -> None:
     assert find("gain margin", result, min=6, source="linear").value == 10.0
     assert find("gain margin", result, min=6, amplitude=1).value == 7.0
     assert find("phase margin", result, min=45).unit == "deg"
+    ahead = loop(margins(phase_margin_deg=-50.0))  # stable: its phase may rise by 50, and fall by more
+    assert (find("phase margin", ahead, min=45).value, find("phase margin", ahead, min=45).passed) == (50.0, True)
+    assert not find("phase margin", loop(margins(phase_margin_deg=-40.0)), min=45).passed
     assert find("disk margin", result, min=0.7).passed
     assert find("peak sensitivity", result, max=1.4).margin == pytest.approx(-0.1)
     assert find("delay margin", result, min=100, unit="ms").value == pytest.approx(140.0)

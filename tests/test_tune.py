@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import workbench as wb
+from scripts.promises.conflicts import feasible, named, planted
 from scripts.promises.tune import (  # fmt: skip
     best_of_grid,
-    conflicting,
     disturbance_limit,
     published,
     random_loop,
@@ -185,10 +185,18 @@ def test_a_loop_that_is_unstable_at_first_is_as_good_as_a_grid() -> None:
     assert 1.0 + found.objective <= 1.02 * (1.0 + grid)
 
 
-def test_requirements_that_exclude_each_other_are_named() -> None:
-    names, excess = conflicting(0)
-    assert set(names) == {"fast", "small"}
-    assert excess > 0.1
+@pytest.mark.parametrize("number", [0, 7])
+def test_requirements_that_exclude_each_other_are_named(number: int) -> None:
+    case = planted(number)
+    pair, excess = named(case)
+    assert pair == case.pair
+    assert excess == pytest.approx(case.excess, abs=0.05)  # beside a grid
+
+
+def test_no_conflict_is_told_where_there_is_none() -> None:
+    case = feasible(0)
+    assert case.excess < 0.0
+    assert named(case) == (frozenset(), 0.0)
 
 
 # -- whole tunings ---------------------------------------------------------------------------------
@@ -343,3 +351,37 @@ def test_a_bandwidth_that_jumps_where_a_dip_touches_its_level_is_reached(tmp_pat
     s = 2j * np.pi * np.geomspace(1e-4, 0.12, 2000)
     loop = (p + i / s) / (s + 1.0) ** 3
     assert np.abs(loop / (1.0 + loop)).min() > 10.0 ** (-3.0 / 20.0)
+
+
+HELD = """
+[components]
+error = {sum = "+-"}
+shape = {block = "lead_lag", gain = 1.0, lead = 1.0, lag = 0.1}
+plant = {block = "transfer_function", numerator = [1.0, 0.0], denominator = [1.0, -0.2, 1.0]}
+[connections]
+"error.u2" = "plant.y"
+"shape.u" = "error.y"
+"plant.u" = "shape.y"
+[inputs]
+r = "error.u1"
+[outputs]
+y = "plant.y"
+"""
+
+
+def test_a_phase_that_may_rise_least_is_led_away_from_the_border(tmp_path: Path) -> None:
+    """The rate of an oscillator that grows is fed back: the loop is stable, and at its lower crossing ahead by 53°."""
+    (tmp_path / "held.toml").write_text(HELD, encoding="utf-8")
+    (tmp_path / "wanted.toml").write_text(
+        'models.loop = "held.toml"\nanalyses.margins = {command = "loop", model = "loop", open = "plant.y"}\n'
+        'requirements = [{name = "phase", analysis = "margins", kind = "phase margin", min = 60}]\n', encoding="utf-8",
+    )  # fmt: skip
+    found = wb.tune(tmp_path / "held.toml", free={"shape.lead": (0.01, 5.0)}, study=tmp_path / "wanted.toml", starts=0,
+                    workers=HERE)  # fmt: skip
+    (phase,) = found.requirements
+    assert phase.before == pytest.approx(53.2, abs=0.1)
+    assert phase.passed
+    s = 1j * np.geomspace(0.01, 300.0, 200_000)
+    loop = (found.values["shape.lead"] * s + 1.0) / (0.1 * s + 1.0) * s / (s**2 - 0.2 * s + 1.0)
+    crossed = np.flatnonzero((np.abs(loop[1:]) > 1.0) != (np.abs(loop[:-1]) > 1.0))
+    assert np.degrees(np.abs(np.angle(-loop[crossed]))).min() == pytest.approx(phase.after, abs=0.01)

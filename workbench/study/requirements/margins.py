@@ -71,10 +71,17 @@ class GainMargin(_Margin):
 
 
 class PhaseMargin(_Margin):
-    """By how much the phase may fall [deg]."""
+    """By how much the phase may fall or rise, whichever is less [deg].
+
+    `loop` gives a margin that a lead would use up a negative sign; the loop is stable, so its size is what is left.
+    """
 
     number, place = "phase_margin_deg", "gain_crossover_hz"
     units = ("deg",)
+
+    def read(self, margins: Mapping[str, Any]) -> float | None:
+        value = super().read(margins)
+        return None if value is None else abs(value)
 
 
 class DelayMargin(_Margin):

@@ -18,14 +18,15 @@ from workbench.system.description import BlockComponent, Component, Connection, 
 __all__ = ["sampled_controller", "write_controller"]
 
 
-def write_controller(system: SystemDescription, names: Sequence[str], period: float, path: Path) -> None:
-    """Write the controller as Modelica (.mo), or build an FMU of it (.fmu, version 2.0).
+def write_controller(system: SystemDescription, names: Sequence[str], period: float, path: Path, fmi: int = 2) -> None:
+    """Write the controller as Modelica (.mo), or build an FMU of it (.fmu).
 
     Args:
         system: with the parameters found.
         names: of the parameters; the controller consists of their blocks.
         period: at which it is sampled [s].
         path: of the file.
+        fmi: version of the FMU, 2 or 3.
 
     Raises:
         InputError: see `sampled_controller`; the file cannot be written.
@@ -43,7 +44,7 @@ def write_controller(system: SystemDescription, names: Sequence[str], period: fl
     folder = scratch_folder("controller")
     source = folder / f"{path.stem}.mo"
     source.write_text(text, encoding="utf-8")
-    Build(out=path.resolve()).run([source], Job())
+    Build(out=path.resolve(), fmi=fmi).run([source], Job())
     remove(folder)
 
 

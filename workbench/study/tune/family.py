@@ -10,8 +10,10 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from workbench.core.values.arrays import Complex, Floats
-from workbench.core.values.linear import Linear
+from workbench.core.values.linear import Linear, LinearPart
+from workbench.core.values.margins import Margins
 from workbench.errors import InputError
+from workbench.loops.loop.margins import margins_of
 from workbench.loops.loop.tunable import linear_block
 from workbench.system.description import BlockComponent, Component, GainComponent
 
@@ -47,6 +49,12 @@ class Member:
             return none[0:0].reshape(0), none, none
         values, left, right = eig(self.system.A, left=True, right=True)
         return values, left / np.conj(np.sum(left.conj() * right, axis=0)), right
+
+    @cached_property
+    def margins(self) -> Margins:
+        """Crossings of the system as a loop transfer for negative feedback: several requirements read them."""
+        system = self.system
+        return margins_of(LinearPart(system.A, system.B, system.C, system.D), peaks=False)
 
     def slope(self, weight: Floats, names: Sequence[str]) -> Floats:
         """Return the derivatives of a function of M, shape (n,).

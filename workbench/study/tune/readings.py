@@ -15,7 +15,6 @@ from workbench.core.values.decibels import unwrapped
 from workbench.core.values.linear import Linear, LinearPart
 from workbench.core.values.matrices import resolvent
 from workbench.core.values.poles import natural_frequency_hz
-from workbench.loops.loop.margins import margins_of
 from workbench.loops.loop.request import openings
 from workbench.study.requirements.base import Limited, Requirement, convert
 from workbench.study.requirements.margins import (
@@ -279,8 +278,7 @@ def _along(system: Linear, hz: float) -> complex:
 
 
 def _gain_margin(_: Requirement, member: Member) -> Iterator[Distance]:
-    loop = _part(member.system)
-    for crossing in margins_of(loop, peaks=False).phase_crossovers:
+    for crossing in member.margins.phase_crossovers:
         if crossing.factor > 1.0:
             hz = crossing.frequency_hz
             rate = _along(member.system, hz) if 0.0 < hz < math.inf else 0j
@@ -291,7 +289,7 @@ def _gain_margin(_: Requirement, member: Member) -> Iterator[Distance]:
 def _gain_crossings(member: Member) -> Iterator[tuple[float, float, float, Floats, Floats]]:
     """Yield frequency, phase margin, delay, and the derivatives of phase [deg] and frequency [Hz]."""
     loop = _part(member.system)
-    for crossing in margins_of(loop, peaks=False).gain_crossovers:
+    for crossing in member.margins.gain_crossovers:
         hz = crossing.frequency_hz
         value = loop.at(hz)
         u, rate = value / abs(value), _along(member.system, hz)
@@ -306,11 +304,10 @@ def _gain_crossings(member: Member) -> Iterator[tuple[float, float, float, Float
 
 
 def _phase_margin(_: Requirement, member: Member) -> Iterator[Distance]:
-    nearest = True
-    for hz, margin, _delay, phase, _f in sorted(_gain_crossings(member), key=lambda c: abs(c[1])):
-        sign = 1.0 if nearest else math.copysign(1.0, margin)  # of the others only the distance counts
-        yield Distance(sign * margin, sign * phase, hz)
-        nearest = False
+    for hz, margin, _delay, phase, _f in _gain_crossings(
+        member
+    ):  # of a stable loop: a lead or a lag leads to the border
+        yield Distance(abs(margin), math.copysign(1.0, margin) * phase, hz)
 
 
 def _delay_margin(_: Requirement, member: Member) -> Iterator[Distance]:

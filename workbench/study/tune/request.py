@@ -130,6 +130,7 @@ class Tune(Request["str | Path", "TuneResult"]):
     sample: float | None = option(
         "Sample period of the controller in a file .mo or .fmu.", unit="s", metavar="S", positive=True, default=None
     )
+    fmi: int | None = option("FMI version of the controller in a file .fmu; 2 by default.", metavar="2|3", default=None)
     store: File | None = option(
         "Folder in which finished analyses are kept; by default .workbench-store beside the study.",
         metavar="DIR",
@@ -151,6 +152,10 @@ class Tune(Request["str | Path", "TuneResult"]):
             raise InputError(f"out: {self.out} is none of .toml, .ssp, .mo, .fmu")
         if (suffix in _CONTROLLER) != (self.sample is not None):
             raise InputError("sample: a controller in a file .mo or .fmu needs a sample period, and nothing else does")
+        if self.fmi is not None and suffix != ".fmu":
+            raise InputError("fmi: only a controller in a file .fmu has a version; give out=… with that ending")
+        if self.fmi not in (None, 2, 3):
+            raise InputError(f"fmi: {self.fmi} is not 2 or 3")
 
     @property
     def place(self) -> Workers:

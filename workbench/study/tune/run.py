@@ -68,7 +68,8 @@ def run(system: str | Path, request: Tune, job: Job) -> TuneResult:
         work = _TuneRun(problem, request, job, evaluator=evaluator, finished=finished, system=described.name)
         result = work.done()
     if request.out is not None and request.sample is not None:
-        write_controller(with_values(described, result.values), list(result.values), request.sample, Path(request.out))
+        tuned = with_values(described, result.values)
+        write_controller(tuned, list(result.values), request.sample, Path(request.out), request.fmi or 2)
     elif request.out is not None:
         write_tuned(str(system), result.values, Path(request.out))
     return result

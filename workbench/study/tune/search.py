@@ -18,6 +18,7 @@ __all__ = ["Descent", "conflict_of", "descents", "made_stable", "measured_descen
 
 _MET = 1e-6  # a value up to this counts as 0
 _PAIRS = 4  # so many of the requirements that hold the result are looked at in pairs
+_FURTHER = 6  # starts before a conflict is told: with 2 one of 20 planted ones was a local minimum of another pair
 _CURVE = 7  # points of a trade-off
 
 
@@ -131,8 +132,11 @@ def conflict_of(problem: TuneProblem, end: MinimaxEnd, names: Sequence[str], mos
     above = {problem.questions[p.owner].requirement.name for p in end.pieces if p.owner >= 0 and p.value > _MET}
     holding = sorted((n for n in weight if n in names and (weight[n] > 1e-3 or n in above)), key=lambda n: -weight[n])
     holding = holding[:_PAIRS]
+    singly: dict[str, Floats] = {}  # where each is met by itself: a pair that can be met, is often beside one of them
     for group in (*((n,) for n in holding), *combinations(holding, 2)):
-        found = _alone(problem, end.z, group, most)
+        found = _alone(problem, [end.z, *(singly[n] for n in group if n in singly)], group, most)
+        if found is not None and len(group) == 1:
+            singly[group[0]] = found.z
         if found is not None and found.value > _MET:
             pair = _trade_off(problem, found, group, most) if len(group) == 2 else None
             return Conflict(requirements=group, excess=found.value, trade_off=pair)
@@ -141,10 +145,10 @@ def conflict_of(problem: TuneProblem, end: MinimaxEnd, names: Sequence[str], mos
     return Conflict(requirements=tuple(holding), excess=max(end.value, end.hard))
 
 
-def _alone(problem: TuneProblem, z: Floats, names: Sequence[str], most: int) -> MinimaxEnd | None:
-    """Return the best search with some requirements only: from z, and from further starts while it violates one."""
+def _alone(problem: TuneProblem, near: Sequence[Floats], names: Sequence[str], most: int) -> MinimaxEnd | None:
+    """Return the best search with some requirements only: from near, and further starts while it violates one."""
     best: MinimaxEnd | None = None
-    for start in (z, *problem.free.further(2)):
+    for start in (*near, *problem.free.further(_FURTHER)):
         stable = made_stable(problem, start, most)
         if isinstance(stable, str):
             continue

@@ -20,6 +20,7 @@ __all__ = [
     "DiscreteTransfer",
     "LeadLag",
     "Notch",
+    "SecondOrder",
     "TransferFunction",
     "VariableDelay",
     "ZeroOrderHold",
@@ -116,6 +117,27 @@ class Notch(_LinearBlock):
         w = 2.0 * math.pi * self.frequency
         middle = 2.0 * self.width * w
         return realised([1.0, self.depth * middle, w * w], [1.0, middle, w * w])
+
+
+class SecondOrder(_LinearBlock):
+    """Two zeros and two poles by frequency and damping: a stable transfer function of second order, for tuning."""
+
+    kind = "second_order"
+    group = _DYNAMIC
+    equations = (
+        "z = 2π zero_frequency, p = 2π pole_frequency\n"
+        "y = gain (s²/z² + 2 zero_damping s/z + 1) / (s²/p² + 2 pole_damping s/p + 1) u"
+    )
+    gain: float = option("Gain at low frequencies.", default=1.0)
+    zero_frequency: float = option("Natural frequency of the zeros.", default=1.0, unit="Hz", positive=True)
+    zero_damping: float = option("Damping ratio of the zeros; negative: right of the axis.", default=0.5)
+    pole_frequency: float = option("Natural frequency of the poles.", default=10.0, unit="Hz", positive=True)
+    pole_damping: float = option("Damping ratio of the poles.", default=0.7, positive=True)
+
+    def matrices(self) -> BlockStateSpace:
+        z, p = 2.0 * math.pi * self.zero_frequency, 2.0 * math.pi * self.pole_frequency
+        above = [self.gain * (p / z) ** 2, 2.0 * self.gain * self.zero_damping * p * p / z, self.gain * p * p]
+        return realised(above, [1.0, 2.0 * self.pole_damping * p, p * p])
 
 
 class ZeroOrderHold(_LinearBlock):

@@ -30,6 +30,7 @@ from workbench.system.block_table.linear import (
     DiscreteTransfer,
     LeadLag,
     Notch,
+    SecondOrder,
     TransferFunction,
     VariableDelay,
     ZeroOrderHold,
@@ -43,8 +44,8 @@ _OWN: Mapping[str, type[Block]] = {
     kind.kind: kind
     for kind in (
         Saturation, DeadBand, RateLimiter, Backlash, Relay, Quantiser, Integrator, Pi, Pid, TransferFunction, LeadLag,
-        Notch, Product, Minimum, Maximum, Switch, Friction, Lookup, Lookup2d, Delay, VariableDelay, ZeroOrderHold,
-        DiscreteTransfer, CrossoverPilot, NealSmithPilot,
+        Notch, SecondOrder, Product, Minimum, Maximum, Switch, Friction, Lookup, Lookup2d, Delay, VariableDelay,
+        ZeroOrderHold, DiscreteTransfer, CrossoverPilot, NealSmithPilot,
     )
 }  # fmt: skip
 

@@ -453,7 +453,7 @@ class Workspace {
     const m = (d) => d.margins;
     const least = (wanted) => (Number(wanted.value) > 0 ? Number(wanted.value) : null);
     const rows = [["Gain margin", (d) => m(d).gain_margin_db, "dB", least(this.wanted.db)], ["Phase margin", (d) => m(d).phase_margin_deg, "°", least(this.wanted.deg)], ["Delay margin", (d) => (m(d).delay_margin_s === null ? null : 1e3 * m(d).delay_margin_s), "ms"], ["Crossover", (d) => m(d).gain_crossovers.at(-1)?.frequency_hz ?? null, "Hz"], ["Overshoot", (d) => overshoot(d.step), "%"]];
-    const tone = (value, wanted) => (wanted === undefined || wanted === null || value === null ? "" : value >= wanted ? "good" : "bad");
+    const tone = (value, wanted) => (wanted === undefined || wanted === null || value === null ? "" : Math.abs(value) >= wanted ? "good" : "bad"); // a phase margin with a minus is a lead, and as far
     fill(this.numbers, rows.map(([label, of, unit, wanted]) => h("div", {}, h("span", { class: "dim" }, label), h("span", { class: `figure ${tone(of(found), wanted)}` }, shown(of(found), 3), h("span", { class: "unit" }, ` ${unit}`)), kept ? h("span", { class: "dim" }, `kept ${shown(of(kept), 3)}`) : null)));
   }
 }
