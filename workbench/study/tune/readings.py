@@ -304,9 +304,8 @@ def _gain_crossings(member: Member) -> Iterator[tuple[float, float, float, Float
 
 
 def _phase_margin(_: Requirement, member: Member) -> Iterator[Distance]:
-    for hz, margin, _delay, phase, _f in _gain_crossings(
-        member
-    ):  # of a stable loop: a lead or a lag leads to the border
+    # Of a stable loop: a lead leads to the border as a lag does.
+    for hz, margin, _delay, phase, _f in _gain_crossings(member):
         yield Distance(abs(margin), math.copysign(1.0, margin) * phase, hz)
 
 
