@@ -235,3 +235,15 @@ def test_disk_margins_of_several_loops_are_those_of_python_control(tmp_path: Pat
     assert both.gain_db == pytest.approx(20.0 * math.log10((2.0 + alpha) / (2.0 - alpha)), rel=1e-2)
     assert everything.disk_margins[-1].alpha == pytest.approx(both.alpha, rel=1e-3)
     assert found.others[0].place.source == "plant.y2"
+
+
+def test_a_worst_set_that_no_system_file_could_hold_is_refused_before_anything_is_computed(tmp_path: Path) -> None:
+    with wb.load("system:rudder_loop") as loop:
+        for uncertain, out, words in (
+            ({"plant.p1": (1e7, 1.1e7)}, tmp_path / "w.toml", "plant.p1 is not a parameter"),
+            ({"plant.viscous": (1e3, 2e3)}, tmp_path / "no" / "w.toml", "w.toml"),
+        ):
+            seen = list[object]()
+            with pytest.raises(wb.InputError, match=words):
+                wb.robust(loop, uncertain=uncertain, out=out, progress=lambda *told: seen.append(told))
+            assert not seen

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from workbench.model import DescribedModel, Model
+from workbench.model import DescribedModel
 from workbench.system.description import FmuComponent, SystemDescription
 from workbench.system.files.ssp_write import write_ssp
 from workbench.system.files.toml_write import write_toml
@@ -17,7 +17,7 @@ __all__ = ["system_of", "write_system_of"]
 _NAME = "model"  # of the only component, where the model is an FMU
 
 
-def write_system_of(model: Model, values: Mapping[str, float], path: Path) -> None:
+def write_system_of(model: DescribedModel, values: Mapping[str, float], path: Path) -> None:
     """Write a system file of the model with these parameters.
 
     Args:
@@ -28,8 +28,6 @@ def write_system_of(model: Model, values: Mapping[str, float], path: Path) -> No
     Raises:
         InputError: the file cannot be written.
     """
-    if not isinstance(model, DescribedModel):
-        return
     system = system_of(model, values)
     if path.suffix.lower() == ".ssp":
         write_ssp(system, path)

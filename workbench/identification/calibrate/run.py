@@ -47,7 +47,7 @@ from workbench.jobs.job import Job
 from workbench.jobs.runner_choice import at_work
 from workbench.jobs.store import Store
 from workbench.jobs.version import stamp
-from workbench.model import Model
+from workbench.model import DescribedModel, Model
 from workbench.model.operating_point import start_at
 from workbench.system.as_system import write_system_of
 
@@ -73,6 +73,8 @@ def run(model: Model, request: Calibrate, job: Job) -> CalibrateResult:
     check_named(data, request)
     if request.out is not None:
         file_to_write(request.out, option="out")
+        if not isinstance(model, DescribedModel):
+            raise InputError(f"out: {model.name} is not a file; a system file cannot name it")
     notes = [*remarks, *(note for one in (*data, *others) for note in one.notes), *_doubts(data)]
     with ExitStack() as stack:
         place = place_of(model, request, job, len(quantities), stack)
@@ -96,7 +98,7 @@ def run(model: Model, request: Calibrate, job: Job) -> CalibrateResult:
         if request.next_inputs:
             result = replace(result, next_experiment=next_experiment(found, known, request, work.posed(found)))
         compared = work.compared(others, found) if others else ()
-    if request.out is not None:
+    if request.out is not None and isinstance(model, DescribedModel):
         write_system_of(model, result.values, Path(request.out))
     return replace(result, validation=compared, runs=place.count, failed_runs=place.failed.total())
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from workbench.core.machine.blas import one_thread
+from workbench.core.machine.files import file_to_write
 from workbench.core.records.forms import several
 from workbench.core.values.arrays import Floats
 from workbench.core.values.decibels import decibels
@@ -89,6 +90,7 @@ def run(model: Model, request: Robust, job: Job) -> RobustResult:
         why = "method response identifies" if model.interface == "me" else "co-simulation shows"
         raise InputError(f"robust: {model.name}: {why} no states of which stability could be proved; {model.way_out()}")
     check_varied(model, {name: several(ends) for name, ends in request.uncertain.items()}, what="uncertain")
+    _check_out(model, request)
     units = {v.name: v.unit for v in (*model.description.variables, *model.states)}
     parameters = [
         UncertainParameter(name=name, low=low, high=high, unit=units.get(name))
@@ -120,7 +122,8 @@ def _analysed(
     gain = None
     if opened.performance:
         gain = worst_gain(family, whole, parts.proved, opened.performance, request.band)
-    _written(model, stability.worst, request.out)
+    if request.out is not None:
+        write_system_of(model, stability.worst.parameters, Path(request.out))
     notes = (*opened.notes, *remarks, *margin.notes, *_told(family, whole))
     return RobustResult(
         model=model.name,
@@ -274,14 +277,14 @@ def _told(family: UncertainFamily, whole: UncertainModel) -> list[str]:
     return notes
 
 
-def _written(model: DescribedModel, worst: WorstPlace, out: str | Path | None) -> None:
-    """Write the system file that was asked for."""
-    if out is None:
+def _check_out(model: DescribedModel, request: Robust) -> None:
+    """Refuse a system file that could not be written, before anything is computed."""
+    if request.out is None:
         return
-    others = [n for n in worst.parameters if n not in {v.name for v in model.parameters}]
+    file_to_write(request.out, option="out")
+    others = [n for n in request.uncertain if n not in {v.name for v in model.parameters}]
     if others:
         raise InputError(f"out: {others[0]} is not a parameter, and a system file has no place for it")
-    write_system_of(model, worst.parameters, Path(out))
 
 
 def _command(model: DescribedModel, worst: WorstPlace, request: Robust) -> str:
