@@ -238,12 +238,13 @@ def test_disk_margins_of_several_loops_are_those_of_python_control(tmp_path: Pat
 
 
 def test_a_worst_set_that_no_system_file_could_hold_is_refused_before_anything_is_computed(tmp_path: Path) -> None:
+    seen: list[object] = []
+    (tmp_path / "file").write_text("", encoding="utf-8")
     with wb.load("system:rudder_loop") as loop:
         for uncertain, out, words in (
             ({"plant.p1": (1e7, 1.1e7)}, tmp_path / "w.toml", "plant.p1 is not a parameter"),
-            ({"plant.viscous": (1e3, 2e3)}, tmp_path / "no" / "w.toml", "w.toml"),
+            ({"plant.viscous": (1e3, 2e3)}, tmp_path / "file" / "w.toml", "out: "),
         ):
-            seen = list[object]()
             with pytest.raises(wb.InputError, match=words):
                 wb.robust(loop, uncertain=uncertain, out=out, progress=lambda *told: seen.append(told))
-            assert not seen
+    assert not seen
