@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from workbench.fmi.bundled import name_of_bundled
 from workbench.model import DescribedModel
 from workbench.system.description import FmuComponent, SystemDescription
 from workbench.system.files.ssp_write import write_ssp
@@ -44,7 +45,8 @@ def system_of(model: DescribedModel, values: Mapping[str, float]) -> SystemDescr
     """
     if isinstance(model.recipe, SystemRecipe):
         return with_values(model.recipe.system, {**model.recipe.start_values, **values})
-    file = model.source if model.source.startswith("fmu:") else str(Path(model.source).resolve())
+    path = Path(model.source).resolve()
+    file = name_of_bundled(path) or str(path)
     part = FmuComponent(
         name=_NAME, file=file, interface=model.interface, set={**model.start_values, **values},
         step=model.recipe.step, solver=model.recipe.solver,
