@@ -24,7 +24,7 @@ SAMPLES: Mapping[str, Mapping[str, Any]] = {
     "transfer_function": {"numerator": [1.0], "denominator": [0.1, 1.0]},
     "lead_lag": {},
     "notch": {"frequency": 3.0},
-    "second_order": {"zero_frequency": 3.0, "pole_frequency": 5.0},
+    "biquad": {"zero_frequency": 3.0, "pole_frequency": 5.0},
     "product": {},
     "minimum": {},
     "maximum": {},

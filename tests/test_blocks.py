@@ -297,7 +297,7 @@ def test_linear_blocks_have_their_transfer_functions() -> None:
         ("lead_lag", {"gain": 2.0, "lead": 0.5, "lag": 0.1}, 2 * (0.5 * s + 1) / (0.1 * s + 1)),
         ("notch", {"frequency": 2.0, "width": 0.2, "depth": 0.1},
          (s**2 + 0.04 * w * s + w**2) / (s**2 + 0.4 * w * s + w**2)),
-        ("second_order", {"gain": 3.0, "zero_frequency": 2.0, "zero_damping": -0.1, "pole_frequency": 4.0,
+        ("biquad", {"gain": 3.0, "zero_frequency": 2.0, "zero_damping": -0.1, "pole_frequency": 4.0,
                           "pole_damping": 0.6},
          3.0 * (s**2 / w**2 - 0.2 * s / w + 1.0) / (s**2 / (4.0 * w**2) + 0.6 * s / w + 1.0)),
     ]  # fmt: skip

@@ -28,7 +28,7 @@ KINDS: Mapping[str, tuple[dict[str, Any], dict[str, float], Any]] = {
         lambda s: (s**2 + 0.04 * 4.0 * np.pi * s + (4.0 * np.pi) ** 2)
         / (s**2 + 0.4 * 4.0 * np.pi * s + (4.0 * np.pi) ** 2),
     ),
-    "second_order": (
+    "biquad": (
         {"pole_frequency": 4.0}, {"gain": 3.0, "zero_damping": -0.1, "zero_frequency": 2.0, "pole_damping": 0.6},
         lambda s: 3.0 * (s**2 / (4.0 * np.pi) ** 2 - 0.2 * s / (4.0 * np.pi) + 1.0)
         / (s**2 / (8.0 * np.pi) ** 2 + 1.2 * s / (8.0 * np.pi) + 1.0),

@@ -71,8 +71,7 @@ kind = "phase margin"
 min = 45
 """
 _SECOND = (
-    'block = "second_order", gain = -1.0, zero_frequency = 5.0, zero_damping = 0.3, pole_frequency = 15.0, '
-    "pole_damping = 0.5"
+    'block = "biquad", gain = -1.0, zero_frequency = 5.0, zero_damping = 0.3, pole_frequency = 15.0, pole_damping = 0.5'
 )
 _STOP = 120.0  # [s] of each simulation
 

@@ -15,12 +15,12 @@ from workbench.system.block_table.base import Block, BlockStateSpace, Values, or
 __all__ = [
     "PADE",
     "PAST",
+    "Biquad",
     "Delay",
     "DelayBlock",
     "DiscreteTransfer",
     "LeadLag",
     "Notch",
-    "SecondOrder",
     "TransferFunction",
     "VariableDelay",
     "ZeroOrderHold",
@@ -119,10 +119,10 @@ class Notch(_LinearBlock):
         return realised([1.0, self.depth * middle, w * w], [1.0, middle, w * w])
 
 
-class SecondOrder(_LinearBlock):
+class Biquad(_LinearBlock):
     """Two zeros and two poles by frequency and damping: a stable transfer function of second order, for tuning."""
 
-    kind = "second_order"
+    kind = "biquad"
     group = _DYNAMIC
     equations = (
         "z = 2π zero_frequency, p = 2π pole_frequency\n"

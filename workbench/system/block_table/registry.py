@@ -26,11 +26,11 @@ from workbench.system.block_table.limits import (
     Saturation,
 )
 from workbench.system.block_table.linear import (
+    Biquad,
     Delay,
     DiscreteTransfer,
     LeadLag,
     Notch,
-    SecondOrder,
     TransferFunction,
     VariableDelay,
     ZeroOrderHold,
@@ -44,7 +44,7 @@ _OWN: Mapping[str, type[Block]] = {
     kind.kind: kind
     for kind in (
         Saturation, DeadBand, RateLimiter, Backlash, Relay, Quantiser, Integrator, Pi, Pid, TransferFunction, LeadLag,
-        Notch, SecondOrder, Product, Minimum, Maximum, Switch, Friction, Lookup, Lookup2d, Delay, VariableDelay,
+        Notch, Biquad, Product, Minimum, Maximum, Switch, Friction, Lookup, Lookup2d, Delay, VariableDelay,
         ZeroOrderHold, DiscreteTransfer, CrossoverPilot, NealSmithPilot,
     )
 }  # fmt: skip
