@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +21,10 @@ from workbench.core.values.arrays import Floats
 from workbench.data.excite.signals import parse_design
 from workbench.errors import InputError, SimulationError
 from workbench.identification.calibrate.noise import LOSSES, ColouredNoise, Segments, estimated
+from workbench.identification.calibrate.problem import CalibrationProblem
 from workbench.identification.calibrate.request import Calibrate
 from workbench.identification.calibrate.run import run as calibrate_run
+from workbench.identification.calibrate.search import Estimate, search
 from workbench.jobs.job import Job
 
 DT, TAU = 0.1, 0.6
@@ -97,6 +99,28 @@ def test_what_inputs_do_between_samples_is_told_where_it_matters() -> None:
         assert any("explains the data better" in note for note in found.notes) == changed
         p = found.of("tau")
         assert ((p.low or 0.0) < TAU < (p.high or 0.0)) is not doubted
+
+
+def test_what_was_found_stays_where_the_other_motion_cannot_be_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    t = DT * np.arange(300)
+    u = np.sin(0.9 * t) + np.sin(2.3 * t + 1.0)
+    a, x = math.exp(-DT / TAU), [0.0]
+    for now, then in itertools.pairwise(u):
+        x.append(a * x[-1] + (1.0 - a) * now + (1.0 - TAU / DT * (1.0 - a)) * (then - now))
+    searched: list[str] = []
+
+    def fails_then(problem: CalibrationProblem, request: Calibrate, reached: Callable[[Estimate], None]) -> Estimate:
+        searched.append(request.interpolate)
+        if len(searched) > 1:
+            raise SimulationError("not so")
+        return search(problem, request, reached)
+
+    monkeypatch.setattr("workbench.identification.calibrate.run.search", fails_then)
+    found = calibrated(record(np.array(x) + np.random.default_rng(8).normal(0.0, SIGMA, len(u)), u), noise="white")
+    assert searched == ["hold", "linear"]
+    assert found.between_samples == "hold"
+    assert "fits better" in found.doubt
+    assert not any("explains the data better" in note for note in found.notes)
 
 
 def test_regions_hold_both_motions_of_the_inputs_where_the_data_do_not_tell() -> None:

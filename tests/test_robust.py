@@ -173,8 +173,8 @@ def test_disk_margins_of_several_loops_are_those_of_python_control_with_what_lie
     assert disks.run(cases=1, seed=7) == 0
 
 
-def test_products_squares_and_inverses_of_parameters_are_exact() -> None:
-    """k/τ, 1/τ and b²: no rest is left, at points on which nothing was fitted either."""
+def test_products_squares_and_inverses_of_parameters_leave_next_to_no_rest() -> None:
+    """k/τ, 1/τ and b² within 1e-4, at points on which nothing was fitted either."""
 
     def entries(d: Floats) -> Floats:
         k, b, tau = 2.0 + d[0], 1.0 + 0.5 * d[1], 1.0 + 0.6 * d[2]

@@ -20,6 +20,7 @@ _SYMMETRIC = 1e-11  # pairs of entries that are as equal as products of ratios a
 _HARMLESS = 1e4  # largest ratio of scales: so many digits of sixteen an eigenvector may lose by it
 _EXACT = 1e-9  # eigenvectors that give the matrix back to this relative accuracy are used
 _ALL = 200  # states: of no more, all modes are found as fast as the slow ones
+_NO_MOTION = 1e-12  # of a mode in a period
 _SHIFT, _TERMS = 1e-2, 9  # of the least rate that is left out; of the series in it: 1e-18
 
 
@@ -147,9 +148,6 @@ class Eigenmodes:
                 return np.asarray(known)
             d = self.chain[0]
             return np.asarray(known + d * float(np.linalg.norm(self._left(defects / d[:, None]))) / self.beyond)
-
-
-_NO_MOTION = 1e-12  # of a mode in a period
 
 
 def _bands(n: int, at: tuple[Any, Any], values: Floats) -> tuple[Floats, Floats]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import cast
@@ -14,7 +14,7 @@ from scipy.special import chdtrc
 from workbench.core.machine.files import file_to_write
 from workbench.core.values.arrays import Floats
 from workbench.data.experiment.experiment import Experiment
-from workbench.errors import InputError
+from workbench.errors import InputError, SimulationError
 from workbench.identification.calibrate.copies import copies
 from workbench.identification.calibrate.data import check_named, measured, played
 from workbench.identification.calibrate.information import (
@@ -83,17 +83,22 @@ def run(model: Model, request: Calibrate, job: Job) -> CalibrateResult:
         found, found_out = work.estimate(data, quantities, notes)
         other = _other_motion(found, information(found), work)
         if auto and other.odds > _SURE:
-            notes.append(f"between samples the inputs are taken as {_MOTIONS[other.to]}: that explains the data better")
-            work = work.taking(other.to)
-            found, found_out = work.estimate(data, quantities, notes)
-            other = _other_motion(found, information(found), work)
+            told = f"between samples the inputs are taken as {_MOTIONS[other.to]}: that explains the data better"
+            taken = work.taking(other.to)
+            with suppress(SimulationError):  # what was found stays, and its doubt is told
+                found, found_out = taken.estimate(data, quantities, [*notes, told])
+                work, notes, other = taken, [*notes, told], _other_motion(found, information(found), taken)
         known = information(found)
         outputs = found.problem.runs.outputs([quantities.start, found.z])
         result = _record(work, found, known, outputs, [*notes, *found_out, *found.notes])
         job.partial = lambda: result
         result = _looked_at(result, found, known, work)
         if other.moved and other.odds > (1.0 / _SURE if auto else _SURE):
-            rival = work.taking(other.to).estimate(data, quantities, None)[0] if auto else None
+            rival = None
+            with suppress(SimulationError):
+                rival = (
+                    work.taking(other.to).estimate(data, quantities, None)[0] if auto and other.odds <= _SURE else None
+                )
             result = _doubted(result, other, rival)
         if request.next_inputs:
             result = replace(result, next_experiment=next_experiment(found, known, request, work.posed(found)))
@@ -239,7 +244,7 @@ def _doubted(result: CalibrateResult, other: OtherMotion, rival: Estimate | None
     now, then = _MOTIONS[result.between_samples], _MOTIONS[other.to]
     told = (
         f"between samples the inputs are taken as {now}; taken as {then} the model fits "
-        f"{'better' if rival is None else 'as well'}, and values move, in standard errors: {ways}"
+        f"{'better' if other.odds > _SURE else 'as well'}, and values move, in standard errors: {ways}"
     )
     if rival is None:
         return replace(result, doubt=f"{told}; regions may not hold the values")
