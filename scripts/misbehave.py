@@ -23,7 +23,7 @@ import sys
 import tempfile
 import textwrap
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -118,6 +118,26 @@ SYSTEMS: Mapping[str, str] = {
         kind = "value"
         path = "operating_point.u.u"
         min = 0.5
+    """,
+}
+
+
+def _closed(times: Sequence[float]) -> str:
+    """Return a record of "loop", where y = 2/3 (1 - exp(-3 t)) after a step."""
+    return "time,u,y\n" + "".join(f"{t!r},1.0,{2.0 / 3.0 * (1.0 - math.exp(-3.0 * t))!r}\n" for t in times)
+
+
+# Files beside what is opened, by name.
+BESIDE: Mapping[str, str] = {
+    "record.csv": _closed([0.05 * k for k in range(1, 41)]),
+    "wanted.toml": """
+        models.loop = "loop-{interface}.toml"
+        analyses.closed = {{command = "lin", model = "loop", inputs = "u", outputs = "y"}}
+        [[requirements]]
+        name = "gain"
+        analysis = "closed"
+        kind = "mask"
+        lower = [[0.01, -3.0], [0.1, -3.0]]
     """,
 }
 
@@ -263,6 +283,33 @@ DEEDS: Mapping[str, Deed] = {
         lambda data: [[c["name"], c["verdict"]] for c in data["checks"]],
         failed=lambda data: [c["evidence"] for c in data["checks"] if c["verdict"] == "broken"] or "",
     ),
+    "calibrate": Deed(
+        lambda f, _, w: _with(
+            lambda m, w: wb.calibrate(m, f.parent / "record.csv", free={"k.gain": (0.5, 8.0)}, workers=w)
+        )(f, "", w),
+        "{folder}/record.csv --free k.gain=0.5:8",
+        lambda data: data["parameters"][0]["value"],
+        subject="loop",
+        timeout=LONG,
+    ),
+    "robust": Deed(
+        _with(lambda m, w: wb.robust(m, {"k.gain": (1.0, 3.0)}, workers=w)),
+        "--uncertain k.gain=1:3",
+        lambda data: data["stability"]["lower"],
+        subject="loop",
+        interfaces=ME,
+        timeout=LONG,
+    ),
+    "tune": Deed(
+        lambda f, _, w: wb.tune(
+            f, free={"k.gain": (0.5, 8.0)}, study=f.parent / "wanted.toml", starts=0, keep=False, workers=w
+        ),
+        "--free k.gain=0.5:8 --study {folder}/wanted.toml --starts 0 --no-keep",
+        lambda data: data["parameters"][0]["value"],
+        subject="loop",
+        timeout=LONG,
+        failed=lambda data: [r["reason"] for r in data["requirements"] if r["reason"]] or "",
+    ),
     "excite": Deed(
         _with(lambda m, w: wb.excite(m, "u", "y", prbs="amplitude=1", dt=0.1, samples=64, workers=w)),
         "--input u --output y --prbs amplitude=1 --step 0.1 --samples 64",
@@ -311,7 +358,7 @@ LIES = ("half-restore", "wrong-restore", "failing-restore", "pid", "unset", "fir
 OWN, COMPARING = ("pid", "unset", "first"), ("check", "sweep")
 # Instances end when the result is told; where there are more than a worker lets wait, some end before.
 _TOLD_BEFORE = {"simulate", "lin", "nfr", "compare", "delays", "excite", "feedback"}
-_FEW_RUNS = {"trim", "branches", "modes", "loop", "limit-cycle", "feed-forward", "run"}
+_FEW_RUNS = {"trim", "branches", "modes", "loop", "limit-cycle", "feed-forward", "run", "calibrate", "robust", "tune"}
 # Without these calls there is a result, or it is there before them: call → for what, by interface ("" both).
 SPARED: Mapping[str, Mapping[str, set[str]]] = {
     "getFMUstate": {"": {"simulate", "nfr", "compare"}, "cs": {"trim", "run"}},
@@ -399,9 +446,9 @@ def build(folder: Path, case: Case) -> Path:
     if not case.deed.subject:
         return fmu
     limits = f"memory-limit = {MEMORY}" if case.way == "memory" else ""
-    text = SYSTEMS[case.deed.subject].format(fmu=fmu, interface=case.interface, limits=limits)
     file = folder / f"{case.deed.subject}-{case.interface}.toml"
-    file.write_text(textwrap.dedent(text), encoding="utf-8")
+    for path, text in {file: SYSTEMS[case.deed.subject], **{folder / n: text for n, text in BESIDE.items()}}.items():
+        path.write_text(textwrap.dedent(text.format(fmu=fmu, interface=case.interface, limits=limits)), "utf-8")
     return file
 
 

@@ -194,7 +194,7 @@ class JudgedFiles(Written):
     """The files of a record that is `Judged`."""
 
     _: KW_ONLY
-    junit: File | None = option("Write the verdicts as JUnit XML, for CI.", default=None)
+    junit: File | None = option("Write the verdicts as JUnit XML, for CI.", default=None, first=True)
 
     def check(self, request: Any) -> None:  # noqa: ANN401 - see `Written`
         check_junit(self.junit)
