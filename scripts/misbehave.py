@@ -7,7 +7,8 @@ told, and whether there may be a result. Where there is one, its numbers must be
 done in the same way; what differs in silence is a defect. Commands that run none of the
 user's FMUs (build of a model, identify, reproduce) have no row here.
 
-    scripts/misbehave.py [--ways segfault,hang] [--calls doStep] [--what trim] [--interface cs] [--program] [--out x.md]
+    scripts/misbehave.py [--ways segfault,hang] [--calls doStep] [--what trim] [--some 4] [--interface cs] [--program]
+                         [--out x.md]
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ import textwrap
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import cycle, islice
 from pathlib import Path
 from typing import Any
 
@@ -426,17 +428,19 @@ class Seen:
 
 
 def cases(asked: argparse.Namespace) -> Iterator[Case]:
-    """Yield the cases that are asked for."""
+    """Yield the cases that are asked for; with `some` of the deeds for each FMU, other ones from FMU to FMU."""
     for interface, calls in CALLS.items():
         lies = ((LIE, lie) for lie in LIES)
+        deeds = [what for what in asked.what or DEEDS if interface in DEEDS[what].interfaces]
+        turns = cycle(deeds)
         for call, way in (*((call, way) for call in (*calls, *OUTSIDE) for way in WAYS), *lies):
+            chosen = deeds if asked.some is None else list(islice(turns, asked.some))
             if all(
                 x in some or not some
                 for x, some in ((interface, asked.interface), (way, asked.ways), (call, asked.calls))
             ):
-                every = (Case(way, call, interface, what) for what in asked.what or DEEDS)
-                fits = (case for case in every if interface in case.deed.interfaces)
-                yield from (c for c in fits if (not c.deed.subject if call == LIE else c.what != "sweep"))
+                every = (Case(way, call, interface, what) for what in chosen)
+                yield from (c for c in every if (not c.deed.subject if call == LIE else c.what != "sweep"))
 
 
 def build(folder: Path, case: Case) -> Path:
@@ -572,6 +576,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     for name in ("ways", "calls", "what", "interface"):
         parser.add_argument(f"--{name}", type=lambda text: text.split(","), default=[])
+    parser.add_argument("--some", type=int, help="so many of the deeds for each FMU, by turns; by default all")
     parser.add_argument("--program", action="store_true", help="on the command line in place of in Python")
     parser.add_argument("--out", type=Path, help="page to write, Markdown")
     asked = parser.parse_args()
