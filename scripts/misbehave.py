@@ -364,8 +364,8 @@ _FEW_RUNS = {"trim", "branches", "modes", "loop", "limit-cycle", "feed-forward",
 # Without these calls there is a result, or it is there before them: call → for what, by interface ("" both).
 SPARED: Mapping[str, Mapping[str, set[str]]] = {
     "getFMUstate": {"": {"simulate", "nfr", "compare"}, "cs": {"trim", "run"}},
-    "terminate": {"": _TOLD_BEFORE, "me": _FEW_RUNS, "cs": {"trim", "run"}},
-    "freeInstance": {"": _TOLD_BEFORE, "me": _FEW_RUNS, "cs": {"trim", "run"}},
+    "terminate": {"": _TOLD_BEFORE, "me": _FEW_RUNS, "cs": {"trim", "run", "calibrate", "tune"}},
+    "freeInstance": {"": _TOLD_BEFORE, "me": _FEW_RUNS, "cs": {"trim", "run", "calibrate", "tune"}},
     "unload": {"": set(DEEDS)},  # at the earliest when the results are there
 }
 # Other numbers are right where the record says why: what is done, call → words of a note, or of a check's evidence.

@@ -16,6 +16,7 @@ from scipy.optimize import least_squares
 import workbench as wb
 from scripts.promises.calibrate import CASES, UNSEEN, PlantedCase
 from scripts.promises.calibrate import played as computed
+from tests.misbehaving_fmus import build_misbehaving
 from workbench.cli.app import run
 from workbench.core.values.arrays import Floats
 from workbench.data.excite.signals import parse_design
@@ -428,6 +429,12 @@ def test_a_model_that_runs_nowhere_says_why() -> None:
         data = record(100.0 * noisy(), 1e3 * U)
         with pytest.raises(SimulationError, match="cannot be run at the start values"):
             wb.calibrate(model, data, free={"stiffness": (-2.0, -0.5)}, in_process=True)
+
+
+def test_a_model_that_crashes_wherever_it_is_run_has_crashed(tmp_path: Path) -> None:
+    fmu = build_misbehaving(tmp_path, "abort", "doStep")
+    with wb.load(fmu, "cs") as model, pytest.raises(wb.CrashedError, match=r"start values, nor at .*SIGABRT"):
+        wb.calibrate(model, record(noisy()), free={"x": (0.1, 1.0)})
 
 
 def test_the_command_its_files_and_its_record(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,7 +14,7 @@ from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.data.excite.recording import Sampling, sampling_of
-from workbench.errors import SimulationError
+from workbench.errors import LostError, SimulationError
 from workbench.identification.calibrate.copies import of_copy
 from workbench.identification.calibrate.data import PlayedData
 from workbench.identification.calibrate.quantities import FreeValues
@@ -136,6 +136,7 @@ class RunPlace:
         count: runs that were made; one of copies counts as many.
         doing: what they are for, in words.
         failed: reason → runs.
+        lost: of them, where the process ended: reason → how.
         start: where the first run began; None: none was made.
     """
 
@@ -149,6 +150,7 @@ class RunPlace:
     count: int = 0
     doing: str = "first run"
     failed: Counter[str] = field(default_factory=Counter)
+    lost: dict[str, type[LostError]] = field(default_factory=dict)
     start: OperatingPoint | None = None
 
 
@@ -227,9 +229,10 @@ class ModelRuns:
         keys = {id(run): key for key, run in runs.items()}
         for event in runner.run(perform, deque(runs.values())):
             key = keys[id(event.job)]
-            self._take(
-                key, RunOutputs(None, event.reason) if isinstance(event, Lost) else event.value, len(every[key][0])
-            )
+            if isinstance(event, Lost):
+                self.place.lost[event.reason] = type(event.error)
+            found = RunOutputs(None, event.reason) if isinstance(event, Lost) else event.value
+            self._take(key, found, len(every[key][0]))
         for key in every:
             if key not in self._known:
                 raise SimulationError("a run of the model gave no answer")

@@ -106,7 +106,8 @@ def search(problem: CalibrationProblem, request: Calibrate, reached: Callable[[E
             notes.append(f"start {number} of {count} led to a better fit than those before it")
     if first is None:
         reason = place.failed.most_common(1)[0][0]
-        raise SimulationError(f"the model cannot be run at the start values, nor at {count} others: {reason}")
+        kind = place.lost.get(reason, SimulationError)
+        raise kind(f"the model cannot be run at the start values, nor at {count} others: {reason}")
     return replace(_refined(problem, first, request, reached), notes=tuple(notes))
 
 
