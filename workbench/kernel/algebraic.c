@@ -258,12 +258,23 @@ static void damped_equations(Loop *loop, double damping) {
     }
 }
 
+/* So small that no elimination carries the rounding of others into a value that stays 0, which has no scale. */
+static double scale_of_rest(const Loop *loop) {
+    double least = (double)INFINITY;
+    for (size_t i = 0; i < loop->n; i++) {
+        least = loop->scale[i] > TINY && loop->scale[i] < least ? loop->scale[i] : least;
+    }
+    return ROUNDING * least;
+}
+
 /* Newton's direction; with damping that of Levenberg and Marquardt. */
 static bool find_direction(Loop *loop, double damping) {
     rescale(loop, loop->v, loop->g, true);
+    const double rest = scale_of_rest(loop);
     for (size_t i = 0; i < loop->n; i++) {
         if (!(loop->scale[i] > TINY)) {
-            loop->scale[i] = loop->system->wires.typical[loop->link->members[i]];
+            const double typical = loop->system->wires.typical[loop->link->members[i]];
+            loop->scale[i] = damping > 0.0 || !isfinite(rest) ? typical : rest;
         }
     }
     if (damping > 0.0) {

@@ -148,7 +148,10 @@ def _step(loop: AlgebraicLoop, v: Floats, g: Floats, *, hard: bool) -> tuple[Flo
 def _direction(loop: AlgebraicLoop, v: Floats, g: Floats, damping: float) -> Floats | None:
     """Return Newton's direction; with damping that of Levenberg and Marquardt, in values relative to their scale."""
     scale = _scale(loop, v, g)
-    scale = np.where(scale > TINY, scale, loop.typical)
+    moving = scale > TINY
+    # So small that no elimination carries the rounding of others into a value that stays 0, which has no scale.
+    still = EXACT * scale[moving].min(initial=np.inf) if not damping and moving.any() else loop.typical
+    scale = np.where(moving, scale, still)
     matrix, right = loop.jacobian * scale / scale[:, None], (v - g) / scale
     if damping:
         square = matrix.T @ matrix
