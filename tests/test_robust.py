@@ -113,6 +113,21 @@ def test_the_margin_of_a_gain_is_that_of_routh_and_its_worst_set_is_unstable(rou
     assert told.worst.parameters["k.gain"] == pytest.approx(0.6, rel=1e-2)
 
 
+def test_a_range_over_which_the_loop_may_be_unstable_has_no_worst_gain(routh: Path) -> None:
+    """The search for the worst gain meets unstable sets, whose gain is infinite, and differences beside them."""
+    with wb.load(routh) as model:
+        found = wb.robust(model, {"k.gain": (0.2, 0.8)}, inputs=["r"], outputs=["y"], hold=True, in_process=True)
+    assert found.stability.lower == pytest.approx(0.1 / 0.3, rel=0.03)
+    assert found.worst_gain is not None
+    assert found.worst_gain.lower == math.inf
+
+
+def test_a_block_that_is_too_large_by_itself_ends_the_search_for_a_level() -> None:
+    """|4/(s + 1)| = 4 beside what may be 1: no size of the other block helps."""
+    system = Linear(-np.eye(2), np.eye(2), np.diag([1.0, 4.0]), np.zeros((2, 2)))
+    assert peak(system, [MuBlock(size=1), MuBlock(size=1, varies=False)]).level == math.inf
+
+
 def test_the_worst_set_is_a_file_and_a_command_that_have_its_poles(
     routh: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -76,7 +76,7 @@ def peak(
     own = np.abs(np.linalg.eigvals(m.A)) if len(m.A) else np.zeros(0)
     own = np.unique(own[(own > low) & (own < high)])
     level, where = _first_level(m, blocks, (low, high, *own.tolist()), least, close=close, enough=enough)
-    if level > enough:
+    if level > enough or math.isinf(level):
         return Peak(level, warp.back_hz(where), 0)
     level = max(level, 1e-9)  # where nothing is needed, what is proved is as good as any size
     todo, count = [(low, high)], 0
@@ -87,7 +87,7 @@ def peak(
         proof = upper_bound(scaled(matrix, blocks, level), blocks, enough=_PROVED)
         if proof.bound >= 1.0 - 0.1 * close:
             level, where = max(level, level_at(matrix, blocks, level, close=close)) * (1.0 + close), omega
-            if level > enough:
+            if level > enough or math.isinf(level):
                 return Peak(level, warp.back_hz(where), count)
             proof = upper_bound(scaled(matrix, blocks, level), blocks)
         first, last = _proved(m, blocks, level, proof, omega, limits=(begin, end))

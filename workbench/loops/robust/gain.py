@@ -44,7 +44,8 @@ def worst_gain(
 
     def badness(matrix: Floats) -> float:
         linear = _linear(matrix, whole)
-        return math.inf if is_unstable(linear) else float(gain_curve(linear, grid, performance).max())
+        gain = math.inf if is_unstable(linear) else float(gain_curve(linear, grid, performance).max())
+        return gain / (1.0 + gain) if math.isfinite(gain) else 1.0  # rises as it does, and has differences everywhere
 
     places: list[Place] = [whole.box.place(share.tolist()) for share in promising(whole, badness)]
     places.append((0.0,) * len(family.parameters))
