@@ -52,3 +52,13 @@ def test_a_plant_at_rest_that_does_not_say_what_it_feeds_through(tmp_path: Path,
     moved = gain / (1.0 + gain) * -np.expm1(-(1.0 + gain) * FAST) * reference
     assert motion["y"][-1] == pytest.approx(moved, rel=1e-6)
     assert linear.A[0, 0] == pytest.approx(-(1.0 + gain), rel=1e-6)
+
+
+def test_sampled_parts_in_a_circle_without_delay_are_named(tmp_path: Path) -> None:
+    system = tmp_path / "sampled.toml"
+    system.write_text(
+        'components = {e = {sum = "+-"}, a = {A = [[0.5]], B = [[0.5]], C = [[0.0]], D = [[0.9]], dt = 0.1}}\n'
+        'connections = {"e.u2" = "a.y", "a.u" = "e.y"}\ninputs.r = "e.u1"\noutputs.y = "a.y"\n'
+    )
+    with wb.load(system) as model, pytest.raises(wb.SimulationError, match="e, a act on each other within one sample"):
+        wb.simulate(model, stop=0.5, inputs={"r": 1.0}, in_process=True)

@@ -165,9 +165,7 @@ class CompositeInstance(Instance):
             if np.allclose(now, before, rtol=SAME, atol=SAME * 1e-3 * float(np.max(np.abs(now), initial=0.0))):
                 return
             before = now.copy()
-        raise SimulationError(
-            f"{self.description.model_name}: the connected values do not converge in initialisation", time=self.time
-        )
+        raise self._unsettled("the connected values do not converge in initialisation")
 
     # -- continuous time --------------------------------------------------------------------
 
@@ -299,10 +297,12 @@ class CompositeInstance(Instance):
             moved = not np.array_equal(before, self._wiring.values)
             if info.terminate or not (again or moved):
                 return EventInfo(info.terminate, states, nominals, info.next_time)
-        raise SimulationError(
-            f"{self.description.model_name}: event iteration does not settle after {MAX_EVENT_ITERATIONS} rounds",
-            time=self.time,
-        )
+        raise self._unsettled(f"event iteration does not settle after {MAX_EVENT_ITERATIONS} rounds")
+
+    def _unsettled(self, words: str) -> SimulationError:
+        circle = [p.description.model_name for p, c in zip(self._parts, self._wiring.in_circle, strict=True) if c]
+        advice = f"; {', '.join(circle)} act on each other within one sample: put the delay of a sample between them"
+        return SimulationError(f"{self.description.model_name}: {words}{advice if circle else ''}", time=self.time)
 
     # -- saved states -----------------------------------------------------------------------
 
