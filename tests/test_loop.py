@@ -7,6 +7,7 @@ import math
 import control
 import numpy as np
 import pytest
+from scipy.signal import tf2ss
 
 import workbench as wb
 from tests.loop_models import S, transfer, unity
@@ -135,6 +136,60 @@ def test_a_crossover_between_two_near_resonances_is_not_overlooked() -> None:
     found = gain_crossings(f)
     assert len(found) == 4
     assert all(abs(f.at(x)) == pytest.approx(1.0, abs=1e-6) for x in found)
+
+
+# Lightly damped zeros below a large direct part, where |L| falls below 1 in a small stretch, numerator and denominator.
+DIPS = {
+    "one pair of zeros": (
+        [19.80670622235799, 0.19176126135225874, 34.105707648953775],
+        [0.00012513628933611087, 0.019538021875448112, 1.0],
+    ),
+    "direct part 20": (
+        [20.5298749097, 1635.68725463, 195506.517435, 13882458.9944, 149619316.648, 424998515.222],
+        [1.0, 84.0369455885, 1261.00597326, 5457.23040123, 2949.06743355, 1322.97886574],
+    ),
+    "direct part 34": (
+        [34.0332165715, 107.234626148, 373296.318, 12641.2707014, 768755.652715],
+        [1.0, 68.990099101, 1320.2819068, 26567.9879805, 352974.699124],
+    ),
+    "far below": (
+        [1.83909060059, 8.88524518679, 540.42673306, 1303.75926425, 29664.3358645, 40747.2982879],
+        [1.0, 218.5257733, 13014.1276943, 209099.796661, 9654689.35936, 0.0],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", DIPS)
+def test_no_crossover_at_a_dip_below_a_large_direct_part_is_overlooked(name: str) -> None:
+    """Truth: changes of sign of |L| - 1 on a grid that is dense around each pole and zero of the polynomials."""
+    num, den = DIPS[name]
+    places = np.abs(np.concatenate([np.roots(num), np.roots(den)])) / TWO_PI
+    near = (places[places > 0.0, None] * (1.0 + np.linspace(-0.1, 0.1, 4001))).ravel()
+    f = np.unique(np.concatenate([np.geomspace(1e-5, 1e5, 200_001), near]))
+    gain = np.log(np.abs(np.polyval(num, 1j * TWO_PI * f) / np.polyval(den, 1j * TWO_PI * f)))
+    truth = f[:-1][np.diff(np.sign(gain)) != 0]
+    loop_transfer = LinearPart(*tf2ss(num, den))
+    assert len(truth) >= 2
+    assert gain_crossings(loop_transfer) == pytest.approx(truth.tolist(), rel=2e-4)  # the grid's step
+    value = np.polyval(num, 1j * TWO_PI * f) / np.polyval(den, 1j * TWO_PI * f)
+    m = margins_of(loop_transfer)
+    assert m.disk is not None
+    assert m.disk.alpha == pytest.approx(2.0 / np.abs((1.0 - value) / (1.0 + value)).max(), rel=1e-5)
+
+
+@pytest.mark.parametrize(("direct", "margin"), [(2.0, 0.0), (1.0, 0.0), (-1.5, math.nan), (0.5, None)])
+def test_no_delay_is_tolerated_where_the_direct_part_is_not_below_one(direct: float, margin: float | None) -> None:
+    """1 + D e^(−sT) has the zeros s = (ln |D| + jπ(2k + 1))/T: on the right, or on the axis, however small T is."""
+    with unity({"p": (direct * S + 3.0) / (S + 1.0)}, 1.0) as model:
+        result = loop(model, "p.y")
+    m = result.margins
+    if margin is None:  # |L| = 1 where 9 + ω²/4 = 1 + ω²
+        omega = math.sqrt(32.0 / 3.0)
+        lag = math.pi + np.angle((0.5j * omega + 3.0) / (1.0 + 1j * omega))
+        assert m.delay_margin_s == pytest.approx(lag / omega, rel=1e-9)
+    else:
+        assert m.delay_margin_s == pytest.approx(margin, nan_ok=True)
+    assert any("any delay" in note for note in result.notes) == (abs(direct) >= 1.0)
 
 
 # -- python-control -------------------------------------------------------------------------------

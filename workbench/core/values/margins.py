@@ -101,6 +101,8 @@ class Margins(RecordPart):
         peak_complementary: max |T|.
         peak_complementary_hz: where [Hz].
         everywhere: all frequencies were looked at; else what was not found is not known: NaN in place of infinity.
+        direct: |L| at infinite frequency, of a continuous loop. At 1 or more the closed loop with a delay, however
+            short, has a chain of poles that reaches the border or passes it, and the delay margin is 0.
     """
 
     verdict: str = field(metadata=entry(key="closed_loop"))
@@ -113,6 +115,7 @@ class Margins(RecordPart):
     peak_complementary: float
     peak_complementary_hz: float
     everywhere: bool = True
+    direct: float = 0.0
 
     def __str__(self) -> str:
         """Return one line: the smallest margins, where they are, and the verdict."""
@@ -163,7 +166,9 @@ class Margins(RecordPart):
 
     @property
     def delay_margin_s(self) -> float:
-        """Smallest additional delay that brings the loop to the border [s]; infinite: |L| is 1 nowhere."""
+        """Smallest additional delay that brings the loop to the border [s]; infinite: none does."""
+        if self.direct >= 1.0:
+            return self._if(0.0)
         return self._if(min((c.delay_s for c in self.gain_crossovers), default=self._absent(math.inf)))
 
     @property

@@ -106,6 +106,11 @@ def _notes(cut: CutLoop, result: LinResult) -> list[str]:
             f"L is 0: what {cut.place.label} passes on does not return at this point (a limit is reached, or a "
             "path is open)"
         )
+    if result.dt == 0.0 and abs(size := float(result.D[0, 0])) >= 1.0:
+        notes.append(
+            f"|L| is {abs(size):.4g} at infinite frequency, not below 1: any delay, however short, makes infinitely many "
+            "poles of the closed loop reach the border or pass it, so that the delay margin is 0"
+        )
     moving = _moving(result.operating_point.dx, result.operating_point.x) if result.dt == 0.0 else []
     if moving:
         notes.append(

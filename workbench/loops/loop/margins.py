@@ -58,6 +58,7 @@ def margins_of(loop: LinearPart, *, peaks: bool = True) -> Margins:
         peak_sensitivity_hz=at_s[1],
         peak_complementary=at_t[0],
         peak_complementary_hz=at_t[1],
+        direct=0.0 if loop.dt > 0.0 else abs(loop.d),
     )
 
 

@@ -9,16 +9,19 @@ import numpy as np
 from scipy.linalg import eigvals
 from scipy.optimize import brentq
 
-from workbench.core.values.arrays import Floats
+from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import LinearPart
-from workbench.core.values.poles import damped_frequency_hz, natural_frequency_hz
+from workbench.core.values.poles import continuous, damped_frequency_hz, natural_frequency_hz, vanished
 
-__all__ = ["gain_crossings", "level_frequencies", "real_crossings", "scan"]
+__all__ = ["gain_crossings", "level_frequencies", "real_crossings", "scan", "sign_changes"]
 
 # |Im F| / |F| at a crossing of the real axis: rounding of the frequency leaves 1e-14/ζ of it where a mode of damping ζ
 # makes the curve cross; at a pole on the axis it is 1.
 _REAL = 1e-3
 _ROUNDING = 1e-13  # of |F|: an imaginary part below this has no sign
+_BESIDE = np.array([-4.0, -1.0, 0.0, 1.0, 4.0])  # times its damping: around a pole or zero, where F turns
+_PARTS = 8  # of the stretch around a value that is nearest to 0; each round leaves two of them
+_ZOOMS = 26  # rounds: 4 to that power is the reciprocal of rounding
 
 
 def gain_crossings(f: LinearPart) -> list[float]:
@@ -26,7 +29,9 @@ def gain_crossings(f: LinearPart) -> list[float]:
 
     The zeros of 1 - F(-s) F(s) on the imaginary axis are eigenvalues of a Hamiltonian matrix (S. Boyd, V. Balakrishnan,
     P. Kabamba, A bisection method for computing the H∞ norm, 1989). Between neighbouring eigenvalues |F| - 1 keeps
-    its sign, so that one value in each gap shows every crossing; the root itself is found in F.
+    its sign, so that one value in each gap shows every crossing; the root itself is found in F. Rounding may lose
+    eigenvalues: the gaps are also parted around each pole and zero, and where |F| comes nearest to 1 without a change
+    of sign, the place is looked at closely.
 
     Args:
         f: transfer function, continuous or sampled.
@@ -76,15 +81,49 @@ def _roots(g: Callable[[Floats], Floats], candidates: Floats, highest: float) ->
     if not len(candidates):
         return []
     ends = [candidates[0] * 0.5, min(candidates[-1] * 2.0, _below(highest))]
-    samples = np.log(np.unique(np.concatenate([np.sqrt(candidates[1:] * candidates[:-1]), ends])))
+    middles = np.log(np.unique(np.concatenate([np.sqrt(candidates[1:] * candidates[:-1]), ends])))
+    return sign_changes(g, middles)
+
+
+def sign_changes(g: Callable[[Floats], Floats], samples: Floats) -> list[float]:
+    """Return the frequencies where g changes its sign, rising [Hz].
+
+    Args:
+        g: of frequencies [Hz]; where it is NaN or 0 it tells nothing.
+        samples: logarithms of frequencies, rising, close enough that g has no more than one extreme between three.
+    """
 
     def at(t: float) -> float:
         return float(g(np.exp([t]))[0])
 
-    values = g(np.exp(samples))
-    signs = [(t, v) for t, v in zip(samples.tolist(), values.tolist(), strict=True) if not np.isnan(v) and v != 0.0]
-    steps = [(a, b) for (a, u), (b, v) in pairwise(signs) if (u < 0.0) != (v < 0.0)]
+    t, v = _nearest_to_zero(g, samples, g(np.exp(samples)))
+    signs = [(x, y) for x, y in zip(t.tolist(), v.tolist(), strict=True) if not np.isnan(y) and y != 0.0]
+    steps = [(a, b) for (a, u), (b, w) in pairwise(signs) if (u < 0.0) != (w < 0.0)]
     return [float(np.exp(brentq(at, a, b, xtol=1e-14, rtol=1e-14))) for a, b in steps]
+
+
+def _nearest_to_zero(g: Callable[[Floats], Floats], t: Floats, v: Floats) -> tuple[Floats, Floats]:
+    """Return samples and values of g, those added where it comes nearest to 0 between three of one sign."""
+    size, sign = np.abs(v), np.sign(v)
+    same = (sign[:-2] == sign[1:-1]) & (sign[1:-1] == sign[2:])
+    inner = np.flatnonzero(same & (size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:]) & np.isfinite(size[1:-1])) + 1
+    if not len(inner):
+        return t, v
+    low, high, own = t[inner - 1], t[inner + 1], sign[inner]
+    added, values = [t], [v]
+    for _ in range(_ZOOMS):
+        grid = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, _PARTS + 1)
+        here = g(np.exp(grid.ravel())).reshape(grid.shape)
+        best = np.argmin(np.where(np.isnan(here), np.inf, here * own[:, None]), axis=1)
+        row = np.arange(len(grid))
+        added, values = [*added, grid[row, best]], [*values, here[row, best]]
+        low, high = grid[row, np.maximum(best - 1, 0)], grid[row, np.minimum(best + 1, _PARTS)]
+        searched = (here[row, best] * own > 0.0) & (high - low > 1e-15 * np.maximum(1.0, np.abs(low)))
+        low, high, own = low[searched], high[searched], own[searched]
+        if not len(low):
+            break
+    every, first = np.unique(np.concatenate(added), return_index=True)
+    return every, np.concatenate(values)[first]
 
 
 def _below(highest: float) -> float:
@@ -108,8 +147,21 @@ def level_frequencies(f: LinearPart, pencil: Callable[[LinearPart], tuple[Floats
     nu = np.abs(w[np.isfinite(w)].imag)
     nu = nu[(nu > 0.0) & (nu < 1e15)]
     hz = (2.0 * np.arctan(nu) / f.dt if f.dt > 0.0 else nu) / (2.0 * np.pi)
+    hz = np.concatenate([hz, _turning(f)])
     hz = hz[(hz > 0.0) & (hz < f.highest_hz)]
     return np.unique(np.concatenate([hz, scan(f, hz)]))
+
+
+def _turning(f: LinearPart) -> Floats:
+    """Return frequencies around each pole and zero [Hz]."""
+    n = len(f.A)
+    mass = np.eye(n + 1)
+    mass[-1, -1] = 0.0
+    with np.errstate(all="ignore"):
+        zeros = eigvals(np.block([[f.A, f.B], [f.C, f.D]]), mass)
+    zeros = zeros[np.isfinite(zeros) & (np.abs(zeros) < 1e15)]
+    s = np.concatenate([f.continuous_poles, continuous(zeros[~vanished(zeros, f.dt)], f.dt)])
+    return np.asarray((np.abs(s.imag)[:, None] + np.abs(s.real)[:, None] * _BESIDE).ravel() / (2.0 * np.pi))
 
 
 def _bilinear(f: LinearPart) -> LinearPart:
@@ -124,7 +176,13 @@ def _bilinear(f: LinearPart) -> LinearPart:
 
 
 def _gain_pencil(f: LinearPart) -> tuple[Floats, Floats]:
-    """Return (a, b) whose generalised eigenvalues are the zeros of 1 - F(-s) F(s)."""
+    """Return (a, b) whose generalised eigenvalues are the zeros of 1 - F(-s) F(s).
+
+    A direct part above 1 makes F, where its gain is 1, a small difference of large numbers, and the eigenvalues lose
+    it: those of 1/F, which has gain 1 where F has, do not.
+    """
+    if abs(f.d) > 1.0:
+        f = LinearPart(f.A - f.B @ f.C / f.d, f.B / f.d, -f.C / f.d, 1.0 / f.d)
     n, d = len(f.A), f.d
     a = np.block([
         [f.A, np.zeros((n, n)), f.B],
