@@ -164,20 +164,24 @@ def _result(setting: SampledPeriodMap, dx: Floats, dy: Floats, keep: Flags) -> L
         units=point.units,
         operating_point=point,
         calls={"runs": 2 * len(setting.names) + 2},
-        intersample=Intersample(setting.grid - setting.start, C, D, **between),
+        intersample=Intersample(setting.nodes, C, D, **between),
     )
 
 
 def _between(setting: SampledPeriodMap, keep: Flags) -> dict[str, Any]:
-    """Return what inputs do between samples; nothing where they act at samples only."""
+    """Return what inputs do within the period: by their values at the samples, or along all of it."""
     columns = range(len(setting.states), len(setting.names))
     if setting.acts_at_samples() or not all(setting.variables[j].is_continuous_input for j in columns):
-        return {"sampled": True}
-    nodes = setting.nodes()
-    result = [[setting.respond(j, k) for j in columns] for k in range(len(nodes))]
+        if len(setting.instants) == 1:
+            return {"sampled": True, "smooth": True}
+        nodes, answer = setting.instants, setting.pulse
+        sampled = True
+    else:
+        nodes, answer, sampled = setting.nodes, setting.respond, False
+    result = [[answer(k, j) for j in columns] for k in range(len(nodes))]
     B = np.array([np.column_stack([x[keep] for x, _ in row]) for row in result])
     D = np.array([np.stack([y for _, y in row], axis=-1) for row in result])
-    return {"sampled": False, "nodes": nodes, "B_nodes": B, "D_nodes": D}
+    return {"sampled": sampled, "nodes": nodes, "B_nodes": B, "D_nodes": D, "smooth": True}
 
 
 def _check(setting: SampledPeriodMap, jacobian: Floats) -> tuple[Doubt, ...]:

@@ -48,6 +48,8 @@ class SampledPeriodMap(Columns):
         point_values: of them at the point, shape (k,).
         grid: sample times of the output, shape (k + 1,), absolute [s].
         instants: times since the start at which anything samples, 0 first, shape (s,) [s].
+        nodes: times since the start between which inputs are straight lines, the last one the period, shape (k + 1,)
+            [s]. Nothing samples between every second of them, which lie at equal distances.
         inputs: all inputs → value.
     """
 
@@ -71,8 +73,10 @@ class SampledPeriodMap(Columns):
         self.widths = np.where(np.isnan(given), [total_width(v, x, relative) for v, x in both], given)
         self.sizes = np.array([size_of(v, x) for v, x in both])
         self.chosen = np.ones(len(both), dtype=bool)
-        inner = _inside(period, ticks - start)
-        self.grid, self.instants = _grid(start, period, inner), np.append(0.0, inner)
+        self.instants = np.append(0.0, _inside(period, ticks - start))
+        self.nodes = _nodes(period, self.instants)
+        # Before what samples at the end.
+        self.grid = start + np.append(self.nodes[:-1], period * (1.0 - BEFORE))
 
     @cached_property
     def base(self) -> tuple[Floats, Floats]:
@@ -102,28 +106,26 @@ class SampledPeriodMap(Columns):
             reached = session.values([v.name for v in self.states])
         return np.array(list(reached.values())), _within(record, self.grid, task.outputs)
 
-    def nodes(self) -> Floats:
-        """Return the nodes of `respond`, times since the sample, shape (p,) [s]."""
-        return self.period * np.arange(INTERVALS + 1) / INTERVALS
-
-    def respond(self, column: int, node: int) -> tuple[Floats, Floats]:
+    def respond(self, node: int, column: int) -> tuple[Floats, Floats]:
         """Return what `run` returns, per unit, for an input that is a hat around one node: a line up and down.
 
         Args:
-            column: of `names`, an input.
             node: which; the first hat has its falling side only, and begins with its value at the sample; the last
                 has its rising side only, and the sample at its end is the next period's.
+            column: of `names`, an input.
         """
-        return self._answer(column, self.start + self.nodes(), node, "linear")
+        return self._answer(column, self.start + self.nodes, node, "linear")
 
-    def pulse(self, instant: int) -> tuple[Floats, Floats]:
-        """Return what `run` returns, per unit, for the one input moved from one instant to the next only.
+    def pulse(self, instant: int, column: int | None = None) -> tuple[Floats, Floats]:
+        """Return what `run` returns, per unit, for an input moved from one instant to the next only.
 
         Args:
             instant: number of the instant.
+            column: of `names`, an input; None: the first.
         """
         ahead = LEAD * self.period  # of what samples there
-        return self._answer(len(self.states), self.start + self.instants - ahead, instant, "hold")
+        times = self.start + self.instants - ahead
+        return self._answer(len(self.states) if column is None else column, times, instant, "hold")
 
     def _answer(self, column: int, times: Floats, place: int, how: Literal["linear", "hold"]) -> tuple[Floats, Floats]:
         """Return what `run` returns, per unit, for an input moved at one of the times of its table."""
@@ -163,14 +165,12 @@ def _apart(times: Floats, period: float) -> Floats:
     return kept
 
 
-def _grid(start: float, period: float, inner: Floats) -> Floats:
-    """Return a uniform grid over the period together with the samples inside it, absolute times [s]."""
-    uniform = period * np.arange(INTERVALS + 1) / INTERVALS
-    # The model's own times first: of two that are one they are kept.
-    every = np.concatenate([inner, uniform])
-    kept = start + _apart(np.sort(every), period)
-    kept[-1] = start + period - BEFORE * period
-    return kept
+def _nodes(period: float, instants: Floats) -> Floats:
+    """Return each span between two instants in equal parts, an even number of them, times since the start [s]."""
+    ends = np.append(instants, period)
+    parts = 2 * np.ceil(0.5 * INTERVALS * np.diff(ends) / period - SAME).astype(int)
+    spans = zip(ends[:-1].tolist(), ends[1:].tolist(), parts.tolist(), strict=True)
+    return np.append(np.concatenate([a + (b - a) * np.arange(k) / k for a, b, k in spans]), period)
 
 
 def _within(record: Recorded, grid: Floats, outputs: tuple[str, ...]) -> Floats:
