@@ -17,7 +17,7 @@ from workbench.core.values.matrices import as_sparse, balance, is_sparse
 from workbench.core.values.poles import VANISHED, continuous
 from workbench.errors import SimulationError
 
-__all__ = ["Poles", "poles_near", "poles_of"]
+__all__ = ["Poles", "at_rest", "poles_near", "poles_of", "uncertainty"]
 
 _ROUNDING = 20.0
 _LARGE = 300  # states; of fewer all poles are found as fast
@@ -115,6 +115,42 @@ def poles_of(a: Floats, *, dt: float = 0.0, accuracy: float = 0.0) -> Poles:
     order = keep[np.lexsort((-shown[keep].real, shown[keep].imag))]
     right, left = (np.asarray(x, dtype=np.complex128) for x in (right * scale[:, None], left / scale[:, None]))
     return Poles(shown[order], right[:, order], left[:, order], uncertain[order])
+
+
+def at_rest(a: Floats, poles: Complex, *, dt: float = 0.0) -> NDArray[np.bool_]:
+    """Return which poles are 0 as far as rounding lets one know: integrators; a slow pole beside fast ones is none.
+
+    Args:
+        a: shape (n, n).
+        poles: of it, all or some, as those of a continuous model, shape (m,) [1/s].
+        dt: 0 for a continuous model, else the period [s].
+    """
+    # Rounding moves none by more: as many as may coincide, an ε^(1/m) of the norm.
+    most = (_ROUNDING * np.finfo(float).eps) ** (1.0 / _MOST_EQUAL) * (
+        1.0 / dt if dt > 0.0 else float(np.linalg.norm(a))
+    )
+    size = np.abs(poles)
+    if not np.any((size > 0.0) & (size <= most)) or (is_sparse(a) and len(a) > _MOST):
+        return np.asarray(size == 0.0)
+    every = poles_of(a, dt=dt)
+    upper = np.where(poles.imag < 0.0, poles.conj(), poles)
+    nearest = np.argmin(np.abs(upper[:, None] - every.value), axis=1)
+    return np.asarray(size <= every.uncertain[nearest])
+
+
+def uncertainty(a: Floats, value: Complex, left: Complex, right: Complex) -> Floats:
+    """Return how far rounding may have moved each eigenvalue, shape (n,).
+
+    Args:
+        a: shape (n, n).
+        value: its eigenvalues, shape (n,).
+        left: left eigenvectors in columns, of any length, shape (n, n).
+        right: right eigenvectors, likewise.
+    """
+    balanced, scale = balance(a)
+    left, right = left * scale[:, None], right / scale[:, None]
+    left, right = (x / np.maximum(np.linalg.norm(x, axis=0), np.finfo(float).tiny) for x in (left, right))
+    return _uncertain(max(float(np.linalg.norm(balanced)), np.finfo(float).tiny), value, left, right, 0.0)
 
 
 def poles_near(a: Floats, count: int, about_hz: float = 0.0, *, dt: float = 0.0, accuracy: float = 0.0) -> Poles:

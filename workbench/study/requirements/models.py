@@ -10,18 +10,16 @@ from pydantic import Field
 from workbench.core.values.poles import damping_ratio, natural_frequency_hz
 from workbench.errors import InputError, suggest
 from workbench.study.requirements.base import Limited, NotMeasured, Result, Value
-from workbench.study.requirements.curves import poles
+from workbench.study.requirements.curves import moving_poles
 
 __all__ = ["Damping", "FitRequirement", "PoleFrequency", "StabilityRequirement"]
-
-_AT_REST = 1e-9  # of the fastest pole: what rounding makes of an integrator
 
 
 class _OfPoles(Limited):
     """A number of each pole inside a band.
 
     Attributes:
-        band: natural frequencies that count [Hz]; None: all but integrators.
+        band: natural frequencies that count [Hz]; None: all but integrators, poles that are 0 within their rounding.
     """
 
     commands: ClassVar[tuple[str, ...]] = ("lin", "identify")
@@ -29,10 +27,9 @@ class _OfPoles(Limited):
     band: list[Annotated[float, Field(ge=0.0)]] | None = Field(default=None, min_length=2, max_length=2)
 
     def values(self, result: Result) -> list[Value]:
-        every = poles(result)
-        fastest = max((abs(p) for p in every), default=0.0)
+        every = moving_poles(result)
         low, high = self.band or (0.0, math.inf)
-        chosen = [p for p in every if abs(p) > _AT_REST * fastest and low <= _hz(p) <= high and p.imag >= 0.0]
+        chosen = [p for p in every if low <= _hz(p) <= high and p.imag >= 0.0]
         if not chosen:
             raise NotMeasured("the model has no pole there")
         return [self.value(p) for p in chosen]

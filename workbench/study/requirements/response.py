@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field
 
+from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.study.requirements.base import (
     Compliance,
@@ -81,7 +83,8 @@ class _AtFrequency(OfResponse, Limited):
 
     def _value(self, curve: Curve) -> Value:
         value = curve.at(self.quantity, self.frequency)
-        return Value(value=value, where=curve.where(self.frequency), unit=UNITS.get(self.quantity, curve.unit))
+        where = curve.where_phase(self.frequency) if self.quantity == "phase" else curve.where(self.frequency)
+        return Value(value=value, where=where, unit=UNITS.get(self.quantity, curve.unit))
 
 
 class Gain(_AtFrequency):
@@ -109,7 +112,7 @@ class Bandwidth(OfResponse, Limited):
     """The frequency at which the gain has fallen by 3 dB, or the phase to −90° [Hz].
 
     Where `nfr` measured it between the points (its option `bandwidth`, with the same drop; −90° goes along), that is
-    its value. Else it is interpolated in dB (or deg) over log frequency between two points, which are told: a limit
+    its value. That of a linear model is exact. Else it is interpolated in dB (or deg) over log frequency between two points, which are told: a limit
     between them is met or not by that straight line alone; a smaller ratio of frequencies brings them closer.
 
     Attributes:
@@ -133,19 +136,22 @@ class Bandwidth(OfResponse, Limited):
     def _value(self, curve: Curve, features: Mapping[str, Any]) -> Value:
         values = curve.values(self.criterion)
         level = self.angle if self.criterion == "phase" else self._level(values)
-        crossed = _falls_below(curve.frequency, values, level)
+        crossed = _falls_below(curve, self.criterion, level)
         curve.check_failed(0.0, math.inf if crossed is None else crossed.high)
         measured, error = self._measured(features)
         if crossed is not None and crossed.low <= measured <= crossed.high:
             where = ", ".join(filter(None, [f"measured to ± {error:.1g} Hz", curve.label]))
             return Value(value=measured, where=where, unit="Hz")
+        doubt = curve.doubt if self.criterion == "phase" else ""
         if crossed is not None:
-            return Value(value=crossed.value, where=", ".join(filter(None, [crossed.words, curve.label])), unit="Hz")
+            words = filter(None, [crossed.words, curve.label, doubt])
+            return Value(value=crossed.value, where=", ".join(words), unit="Hz")
         last = curve.frequency[-1]
         # Enough for a smallest bandwidth; for a largest one nothing is known beyond.
         if self.max is not None or self.equal is not None or (self.min or 0.0) > last:
             raise NotMeasured(f"{level:.4g} {UNITS[self.criterion]} is not reached up to {last:g} Hz{curve.told}")
-        return Value(value=last, where=f"not reached up to {last:g} Hz{curve.told}", unit="Hz")
+        where = ", ".join(filter(None, [f"not reached up to {last:g} Hz{curve.told}", doubt]))
+        return Value(value=last, where=where, unit="Hz")
 
     def _measured(self, features: Mapping[str, Any]) -> tuple[float, float]:
         """Return what was measured between the points, and its error [Hz]; NaN: nothing, or another quantity."""
@@ -178,22 +184,38 @@ class _Crossed:
         return f"between {self.low:.4g} and {self.high:.4g} Hz" if self.low < self.value < self.high else ""
 
 
-def _falls_below(frequencies: Sequence[float], values: Sequence[float], level: float) -> _Crossed | None:
-    """Return where the values first fall to a level; None: they do not."""
+def _falls_below(curve: Curve, quantity: str, level: float) -> _Crossed | None:
+    """Return where a curve first falls to a level; None: it does not."""
+    frequencies, values = curve.frequency, curve.values(quantity)
     if values[0] <= level:
         return _Crossed(frequencies[0], frequencies[0], frequencies[0])
     for k in range(1, len(values)):
         if values[k] <= level:
-            part, (low, high) = (values[k - 1] - level) / (values[k - 1] - values[k]), frequencies[k - 1 : k + 1]
+            low, high = frequencies[k - 1 : k + 1]
+            if curve.exact is not None:
+                place = _bisected(curve, quantity, level, low, high)
+                return _Crossed(place, place, place)
+            part = (values[k - 1] - level) / (values[k - 1] - values[k])
             return _Crossed(low * (high / low) ** part, low, high)
     return None
+
+
+def _bisected(curve: Curve, quantity: str, level: float, low: float, high: float) -> float:
+    """Return where a linear model, above a level at one frequency and not at the next, falls to it [Hz]."""
+    while (middle := math.sqrt(low * high)) > low and middle < high:
+        if curve.at(quantity, middle) > level:
+            low = middle
+        else:
+            high = middle
+    return high
 
 
 class Mask(OfResponse):
     """Gain, phase or offset between an upper and a lower mask over a band.
 
     A mask is a list of [frequency, value], straight in dB (or deg) over log frequency; a frequency given twice is
-    a step. Mask and response are compared at the corners of both, which is exact for straight lines.
+    a step. Mask and measured response are compared at the corners of both, which is exact for straight lines; a linear
+    model, which is known at every frequency, wherever it is nearest to the mask.
 
     Attributes:
         quantity: what the mask is for.
@@ -242,11 +264,31 @@ class Mask(OfResponse):
         """Compare a curve with one mask; the place with the least margin counts."""
         curve.check_failed(corners[0][0], corners[-1][0])
         unit = UNITS.get(self.quantity, curve.unit)
-        places = sorted(_places(corners, curve.frequency))
-        result = [
-            judge(curve.at(self.quantity, f), {name: limit}, unit=unit, where=curve.where(f)) for f, limit in places
-        ]
-        return worst(result)
+        places = sorted(_places(corners, self._frequencies(curve, name, corners)))
+        where = curve.where_phase if self.quantity == "phase" else curve.where
+        values = [curve.at(self.quantity, f) for f, _ in places] if curve.exact is None else self._exact(curve, places)
+        pairs = zip(values, places, strict=True)
+        return worst([judge(v, {name: limit}, unit=unit, where=where(f)) for v, (f, limit) in pairs])
+
+    def _exact(self, curve: Curve, places: Sequence[tuple[float, float]]) -> list[float]:
+        """Return the values of a linear model at all places."""
+        for frequency, _ in places:
+            if not curve.reaches(frequency):
+                curve.at(self.quantity, frequency)  # tells
+        result: list[float] = curve.evaluated(self.quantity, np.array([f for f, _ in places])).tolist()
+        return result
+
+    def _frequencies(self, curve: Curve, name: str, corners: list[list[float]]) -> list[float]:
+        """Return where a curve is compared with a mask, besides the corners of that [Hz]."""
+        result: list[float] = []
+        for (f0, v0), (f1, v1) in pairwise(corners):
+            x, y = [math.log(f0), math.log(f1)], [v0, v1]
+
+            def level(f: Floats, x: list[float] = x, y: list[float] = y) -> Floats:
+                return np.asarray(np.interp(np.log(f), x, y))
+
+            result += [f1, *curve.finest(self.quantity, (f0, f1), 1.0 if name == "min" else -1.0, level)]
+        return result
 
 
 def _check_corners(where: str, corners: list[list[float]] | None) -> None:
