@@ -153,3 +153,49 @@ def test_a_pole_is_dragged_along_the_locus(page: Page, ui: Ui) -> None:
     assert float(gain.input_value()) == pytest.approx(wanted[0], rel=0.1)
     page.keyboard.press("Control+z")
     expect(gain).to_have_value("1")
+
+
+def test_a_controller_is_found_for_wanted_margins_and_written_down(page: Page, ui: Ui) -> None:
+    (ui.folder / "slow.toml").write_text((ui.folder / "loop.toml").read_text().replace("gain = 2.0", "gain = 0.5"))
+    page.reload()
+    look(page, ui, "tune/slow.toml")
+    gain = page.locator("[id='tune-gain.gain']")
+    expect(gain).to_have_value("0.5")
+    margin = page.locator(".numbers .figure").nth(1)
+    page.wait_for_function("() => document.querySelector('.verdict').dataset.ms")
+    page.fill("#wanted-hz", "20")
+    page.get_by_label("gain.gain: find it").uncheck()  # nothing is free: said, and nothing is changed
+    page.get_by_role("button", name="Find it").click()
+    found = page.locator(".found")
+    expect(found).to_contain_text("is needed")
+    page.get_by_label("gain.gain: find it").check()
+    page.get_by_role("button", name="Find it").click()
+    expect(found).to_contain_text("2 of 3 requirements met")  # of 20 Hz there is no talk with 45°
+    expect(found).to_contain_text("violated crossover")
+    expect(found).to_contain_text("Held back by: phase margin")
+    expect(margin).to_have_text("45 °")
+    expect(margin).to_have_class(re.compile("good"))
+    expect(page.locator(".numbers .figure").nth(3)).to_have_class(re.compile("bad"))
+    value = gain.input_value()
+    assert float(value) > 0.5
+    picture(page, "found")
+    wanted = (ui.folder / "slow_wanted.toml").read_text()
+    assert "min = 45.0" in wanted
+    page.keyboard.press("Control+z")
+    expect(gain).to_have_value("0.5")
+    page.fill("#wanted-hz", "2")
+    page.on("dialog", lambda dialog: pytest.fail(f"asked: {dialog.message}"))  # what it wrote itself it writes anew
+    page.get_by_role("button", name="Find it").click()
+    expect(found).to_contain_text("3 of 3 requirements met")
+    expect(gain).to_have_value(value)
+    page.get_by_role("button", name="Write into the system").click()
+    expect(page.locator("#said")).to_contain_text("Wrote slow.toml")
+    text = (ui.folder / "slow.toml").read_text()
+    (written,) = re.findall(r"gain = \{gain = ([\d.]+)", text)
+    assert float(written) == pytest.approx(float(value), rel=1e-4)
+    assert text.startswith("# The bundled rudder")
+    with wb.load(ui.folder / "slow.toml") as model:
+        linear = wb.loop(model, open="plant.del").linear
+    assert linear is not None
+    margins = linear.margins
+    assert abs(margins.phase_margin_deg) == pytest.approx(45.0, abs=1e-3)
