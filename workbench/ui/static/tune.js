@@ -17,6 +17,7 @@ const NEAR = 4; // times the crossover are the poles away that the root locus sh
 const REACH = 1.5; // decades to both sides of where a slider starts
 const RESTS = 1200; // after so long a value counts as chosen, and the loop is measured with it [ms]
 const GAIN = "loop gain";
+const BELOW = 0.995; // of a crossover, so that its three digits are met
 const LOWEST = -60; // of the gain picture [dB]
 const SAME = 1e-6; // relative: two loops are one
 // Parameters that scale a block as a whole.
@@ -420,7 +421,7 @@ class Workspace {
   draw() {
     const found = this.told;
     if (!found) return;
-    this.crossing ??= this.wanted.hz.value = shown(found.margins.gain_crossovers.at(-1)?.frequency_hz ?? null, 3).replace("–", ""); // as fast as it is
+    this.crossing ??= this.wanted.hz.value = shown(BELOW * (found.margins.gain_crossovers.at(-1)?.frequency_hz ?? NaN), 3).replace(/–|NaN/, ""); // as fast as it is
     const kept = this.kept?.told;
     const designs = [[found, colour(0), "now", []], ...(kept ? [[kept, colour(1), "kept", [6, 4]]] : [])];
     this.say(found, kept);
