@@ -37,7 +37,7 @@ class StudyPage {
       h("div", { class: "study" },
         h("section", { "aria-label": "Text of the study" }, h("div", { class: "bar" }, this.running, this.writing, h("label", { for: "file", class: "dim" }, "File"), this.file, this.state), this.editor.element, this.wrong,
           h("p", { class: "help" }, "Ctrl+Space completes what is written; the page of study files says what each key means.")),
-        h("section", { "aria-label": "Requirements" }, this.table, this.adding)),
+        h("section", { "aria-label": "What is required" }, this.table, this.adding)),
       this.place);
     this.changed();
   }
