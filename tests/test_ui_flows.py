@@ -21,6 +21,28 @@ if TYPE_CHECKING:
 pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 pytest.importorskip("starlette", reason="the extra 'ui' is not installed")
 
+# The lag has its bandwidth at 1/(2 π tau): at the second of two points it is 0.08 Hz.
+ENVELOPE = """models.lag = "fmu:FirstOrderLag"
+
+[analyses.linear]
+command = "lin"
+model = "lag"
+
+[[requirements]]
+name = "fast"
+analysis = "linear"
+kind = "bandwidth"
+min = 0.1
+
+[envelope]
+requirement = "fast"
+plan = "grid"
+search = 0
+
+[envelope.parameters]
+"lag.tau" = {range = [1.0, 2.0], steps = 2}
+"""
+
 LEFT, RIGHT = 68, 14  # beside the axes of a picture [pixel]
 
 
@@ -63,6 +85,27 @@ def test_a_model_is_identified_from_a_file_that_was_looked_at(page: Page, ui: Ui
     page.click("text=Make an FMU")
     expect(page.locator("h1")).to_have_text(re.compile(r"^identify-\d+\.json$"))
     expect(page.locator("#field-out")).to_have_value(re.compile(r"^identify-\d+\.fmu$"))
+
+
+def test_parameters_of_a_model_are_told_by_a_file_with_their_regions(page: Page, ui: Ui) -> None:
+    look(page, ui, "open/lag.csv")
+    page.select_option("#model", "fmu:FirstOrderLag")
+    page.get_by_role("button", name="Calibrate …").click()
+    expect(page.locator("#field-data")).to_have_value("lag.csv")
+    expect(page.locator("#field-inputs")).to_have_value("u")
+    page.click("text=Run calibrate")  # nothing is free
+    expect(page.locator("#field-free-wrong")).to_contain_text("needed")
+    page.click("#field-free")
+    page.keyboard.type("tau")
+    page.keyboard.type("=0.1:10")
+    page.click("text=Run calibrate")
+    expect(page.get_by_label("What was found").locator(".lead")).to_contain_text("The data tell 1 of 1 value")
+    row = page.locator("tr", has=page.get_by_role("rowheader", name="tau [s]")).locator("td")
+    value, low, high = (float(row.nth(k).inner_text()) for k in (1, 3, 4))
+    assert value == pytest.approx(-0.1 / np.log(0.8), rel=1e-4)  # the record is a lag with this pole, sampled
+    assert low <= value <= high
+    expect(page.locator("a[data-work]").first).to_contain_text(f"tau = {value:.4g}")
+    picture(page, "calibrated")
 
 
 def test_a_study_is_written_with_its_verdicts_beside(page: Page, ui: Ui) -> None:
@@ -153,3 +196,72 @@ def test_a_pole_is_dragged_along_the_locus(page: Page, ui: Ui) -> None:
     assert float(gain.input_value()) == pytest.approx(wanted[0], rel=0.1)
     page.keyboard.press("Control+z")
     expect(gain).to_have_value("1")
+
+
+def test_a_controller_is_found_for_wanted_margins_and_written_down(page: Page, ui: Ui) -> None:
+    (ui.folder / "slow.toml").write_text((ui.folder / "loop.toml").read_text().replace("gain = 2.0", "gain = 0.5"))
+    page.reload()
+    look(page, ui, "tune/slow.toml")
+    gain = page.locator("[id='tune-gain.gain']")
+    expect(gain).to_have_value("0.5")
+    margin = page.locator(".numbers .figure").nth(1)
+    page.wait_for_function("() => document.querySelector('.verdict').dataset.ms")
+    page.fill("#wanted-hz", "20")
+    page.get_by_label("gain.gain: find it").uncheck()  # nothing is free: said, and nothing is changed
+    page.get_by_role("button", name="Find it").click()
+    found = page.locator(".found")
+    expect(found).to_contain_text("is needed")
+    page.get_by_label("gain.gain: find it").check()
+    page.get_by_role("button", name="Find it").click()
+    expect(found).to_contain_text("2 of 3 requirements met")  # of 20 Hz there is no talk with 45°
+    expect(found).to_contain_text("violated crossover")
+    expect(found).to_contain_text("Held back by: phase margin")
+    expect(margin).to_have_text("45 °")
+    expect(margin).to_have_class(re.compile("good"))
+    expect(page.locator(".numbers .figure").nth(3)).to_have_class(re.compile("bad"))
+    value = gain.input_value()
+    assert float(value) > 0.5
+    picture(page, "found")
+    wanted = (ui.folder / "slow_wanted.toml").read_text()
+    assert "min = 45.0" in wanted
+    page.keyboard.press("Control+z")
+    expect(gain).to_have_value("0.5")
+    page.fill("#wanted-hz", "2")
+    page.on("dialog", lambda dialog: pytest.fail(f"asked: {dialog.message}"))  # what it wrote itself it writes anew
+    page.get_by_role("button", name="Find it").click()
+    expect(found).to_contain_text("3 of 3 requirements met")
+    expect(gain).to_have_value(value)
+    page.get_by_role("button", name="Write into the system").click()
+    expect(page.locator("#said")).to_contain_text("Wrote slow.toml")
+    text = (ui.folder / "slow.toml").read_text()
+    (written,) = re.findall(r"gain = \{gain = ([\d.]+)", text)
+    assert float(written) == pytest.approx(float(value), rel=1e-4)
+    assert text.startswith("# The bundled rudder")
+    with wb.load(ui.folder / "slow.toml") as model:
+        linear = wb.loop(model, open="plant.del").linear
+    assert linear is not None
+    margins = linear.margins
+    assert abs(margins.phase_margin_deg) == pytest.approx(45.0, abs=1e-3)
+
+
+def test_an_envelope_says_where_it_fails_and_names_of_any_length_leave_room(page: Page, ui: Ui) -> None:
+    long = "n" * 300
+    (ui.folder / "long.toml").write_text((ui.folder / "loop.toml").read_text().replace('"rudder_loop"', f'"{long}"'))
+    (ui.folder / "mapped.toml").write_text(ENVELOPE)
+    page.reload()
+    page.set_viewport_size({"width": 800, "height": 900})
+    look(page, ui, "tune/long.toml")
+    title = page.locator("h1")
+    expect(title).to_have_attribute("title", long)
+    assert title.bounding_box()["height"] < 60  # type: ignore[index] - two lines
+    sliders, gain = page.locator(".sliders").bounding_box(), page.locator(".tiles canvas").first.bounding_box()
+    assert sliders is not None
+    assert gain is not None
+    assert gain["x"] > sliders["x"] + sliders["width"]  # beside them, also where it is narrow
+    look(page, ui, "open/mapped.toml")
+    page.get_by_role("button", name="Run", exact=True).click()
+    row = page.get_by_role("region", name="Requirements").locator("tbody tr").first
+    expect(row).to_contain_text("see the map")
+    expect(page.locator(".study")).to_contain_text("is met at 1 of 2 points")
+    expect(page.get_by_label("Result").locator("canvas").first).to_be_in_viewport()
+    picture(page, "envelope")

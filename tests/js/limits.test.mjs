@@ -1,7 +1,7 @@
 // Requirements as regions: node --test tests/js
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { marginsIn, masksIn, numberOf, stepRegions } from "../../workbench/ui/static/limits.js";
+import { marginsIn, masksIn, numberOf, stepRegions, wantedStudy } from "../../workbench/ui/static/limits.js";
 
 const REQUIREMENTS = [
   { name: "a", kind: "gain margin", analysis: "loop", min: 6 }, { name: "b", kind: "gain margin", analysis: "loop", min: 8 },
@@ -42,4 +42,13 @@ test("a step stays below the overshoot, and in its band once it has settled", ()
   assert.ok(forbidden(2.5, 1.15));
   assert.ok(forbidden(2.5, 0.85));
   assert.ok(!forbidden(2.5, 1.05));
+});
+
+test("what is wanted of a loop is a study of it, with the values that sliders have", () => {
+  const text = wantedStudy({ model: "a \"b\".toml", open: "plant.y", set: { "pi.integral": 2, "pi.proportional": 0.25 }, db: 6, deg: null, hz: 1.5 });
+  assert.match(text, /loop = \{model = "a \\"b\\".toml", set = \{"pi.integral" = 2.0, "pi.proportional" = 0.25\}\}/);
+  assert.match(text, /kind = "gain margin"\nmin = 6.0\n/);
+  assert.match(text, /kind = "gain"\nfrequency = 1.5\nmin = 0.0\n$/);
+  assert.doesNotMatch(text, /phase margin/);
+  assert.match(wantedStudy({ model: "a.toml", open: "plant.y", set: {}, db: 6, deg: 45, hz: null }), /loop = "a.toml"\n/);
 });

@@ -14,6 +14,7 @@ from workbench.core.values.decibels import decibels
 # As in `curves`: the page is there before python-control is.
 if TYPE_CHECKING:
     from workbench.core.values.margins import Margins
+    from workbench.identification.calibrate.result import CalibrateResult
     from workbench.identification.fit.result import FitResult
     from workbench.identification.identify.result import IdentifyResult
     from workbench.limit_cycles.limit_cycle.result import LimitCycleResult
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from workbench.point.lin.result import LinResult
     from workbench.point.trim.result import TrimResult
     from workbench.response.nfr.result import NfrResult
+    from workbench.study.tune.result import TuneResult
     from workbench.ui.studies import StudyRecord
 
 __all__ = ["brief_of", "margin_marks", "response_marks"]
@@ -28,13 +30,14 @@ __all__ = ["brief_of", "margin_marks", "response_marks"]
 _DROP = 20.0 * math.log10(math.sqrt(2.0))  # half the power [dB]
 _FLAT = 1.0  # by so much the gain may change between its first two points where a bandwidth counts from it [dB]
 _RESONANCE, _FALL = "resonance", "fall"
-_PEAK = 0.5  # by so much a resonance rises above both ends, at least [dB]
+_PEAK = 0.5  # by so much a resonance rises out of its surroundings, at least [dB]
 
 
 def response_marks(frequency_hz: Floats, value: Complex) -> list[dict[str, Any]]:
     """Return a resonance and where the gain falls by 3 dB: each has `what`, `hz`, `db` and `text`.
 
-    Both are read from the points: the resonance is the highest one, the fall a straight line between two.
+    Both are read from the points: the resonance is the one that rises most out of what is around it, also where a slope
+    is higher elsewhere; the fall is a straight line between two.
 
     Args:
         frequency_hz: shape (n,) [Hz].
@@ -47,8 +50,9 @@ def response_marks(frequency_hz: Floats, value: Complex) -> list[dict[str, Any]]
     if len(hz) < 4:
         return []
     marks = []
-    top = int(np.argmax(db))
-    if 0 < top < len(hz) - 1 and db[top] > max(db[0], db[-1]) + _PEAK:
+    rises = _rises(db)
+    top = int(np.argmax(rises))
+    if rises[top] > _PEAK:
         text = f"{db[top]:.3g} dB at {hz[top]:.3g} Hz"
         marks.append({"what": _RESONANCE, "hz": float(hz[top]), "db": float(db[top]), "text": text})
     below = np.flatnonzero(db < db[0] - _DROP)
@@ -58,6 +62,20 @@ def response_marks(frequency_hz: Floats, value: Complex) -> list[dict[str, Any]]
         at = math.exp(math.log(hz[k - 1]) + share * math.log(hz[k] / hz[k - 1]))
         marks.append({"what": _FALL, "hz": at, "db": float(db[0] - _DROP), "text": f"−3 dB at {at:.3g} Hz"})
     return marks
+
+
+def _rises(db: Floats) -> Floats:
+    """Return by how much each point stands above the higher of the two valleys around it, shape (n,) [dB].
+
+    A valley reaches to the next higher point, or to the end. At the ends, where nothing is known beyond, it is 0.
+    """
+    result = np.zeros_like(db)
+    for k in range(1, len(db) - 1):
+        higher = np.flatnonzero(db > db[k])
+        left = int(max(higher[higher < k], default=-1)) + 1
+        right = int(min(higher[higher > k], default=len(db)))
+        result[k] = db[k] - max(db[left:k].min(initial=db[k]), db[k + 1 : right].min(initial=db[k]))
+    return result
 
 
 def margin_marks(margins: Margins) -> list[dict[str, Any]]:
@@ -152,7 +170,24 @@ def _study(record: StudyRecord) -> Iterator[str]:
         yield f"{sum(c.finding.passed for c in checked)} of {len(checked)} met"
 
 
+def _calibrate(record: CalibrateResult) -> Iterator[str]:
+    for p in record.parameters:
+        width = "" if p.low is None or p.high is None else f" ± {(p.high - p.low) / 2.0:.1g}"
+        yield (
+            " ".join(filter(None, [f"{p.name} = {p.value:.4g}{width}", p.unit]))
+            if p.identifiable
+            else f"{p.name} is not in the data"
+        )
+
+
+def _tune(record: TuneResult) -> Iterator[str]:
+    yield f"{sum(r.passed for r in record.requirements)} of {len(record.requirements)} met"
+    for p in record.parameters:
+        yield f"{p.name} = {p.value:.4g}"
+
+
 _BRIEF: Mapping[str, Callable[[Any], Iterator[str]]] = {
     "NfrResult": _nfr, "LoopResult": _loop, "LimitCycleResult": _limit_cycle, "LinResult": _lin, "TrimResult": _trim,
     "IdentifyResult": _identify, "FitResult": _fit, "StudyRecord": _study,
+    "CalibrateResult": _calibrate, "TuneResult": _tune,
 }  # fmt: skip

@@ -153,6 +153,7 @@ function ports(system, known) {
 }
 
 const MOST = 28; // letters of a name that is drawn
+const LABEL = 24; // letters of the name of a component
 const LEAST = 0.7; // of its size, below which the picture scrolls
 const FEW = 8; // ports of a model that are drawn unconnected
 const GAP = 90, ROW = 22, SIDE = 120;
@@ -168,7 +169,7 @@ function picture(system, known, chosen, onconnect, onput) {
   let height = 0;
   let x = SIDE;
   columns.forEach((column) => {
-    const wide = Math.max(...(column ?? []).map((name) => width([name, labels[name]], all[name])), 0);
+    const wide = Math.max(...(column ?? []).map((name) => width([brief(name, LABEL), labels[name]], all[name])), 0);
     let y = 30;
     for (const name of column ?? []) {
       const size = 50 + ROW * Math.max(all[name].in.size, all[name].out.size, 1) + (all[name].more.length ? ROW : 0);
@@ -214,7 +215,7 @@ function picture(system, known, chosen, onconnect, onput) {
   [svg.style.minWidth, svg.style.maxWidth] = [`${LEAST * whole}px`, `${whole}px`]; // smaller it cannot be read
   for (const { name, what } of system.components) {
     const box = at[name];
-    const group = s("g", {}, s("rect", { x: box.x, y: box.y, width: box.w, height: box.h }), s("text", { x: box.x + box.w / 2, y: box.y + 18, "text-anchor": "middle" }, name), s("text", { class: "dim", x: box.x + box.w / 2, y: box.y + 34, "text-anchor": "middle" }, labels[name]));
+    const group = s("g", {}, s("rect", { x: box.x, y: box.y, width: box.w, height: box.h }), s("text", { x: box.x + box.w / 2, y: box.y + 18, "text-anchor": "middle" }, brief(name, LABEL)), s("text", { class: "dim", x: box.x + box.w / 2, y: box.y + 34, "text-anchor": "middle" }, labels[name]));
     group.firstChild.append(s("title", {}, `${name} = ${what}`));
     if (all[name].more.length) group.append(s("text", { class: "dim", x: box.x + box.w / 2, y: box.y + box.h - 8, "text-anchor": "middle" }, all[name].more.join(", ")));
     for (const way of ["in", "out"]) {
@@ -242,14 +243,14 @@ function picture(system, known, chosen, onconnect, onput) {
       const p = where(full, way);
       const same = full.endsWith(`.${label}`);
       const wired = way === "out" && system.connections.some(({ from }) => from === full);
-      if (p) svg.append(s("text", { class: "edge", x: p.x + (way === "in" ? -30 : 10), y: wired ? p.y - 8 : p.y + 4, "text-anchor": way === "in" ? "end" : "start" }, same ? "→" : way === "in" ? `${label} →` : `→ ${label}`));
+      if (p) svg.append(s("text", { class: "edge", x: p.x + (way === "in" ? -30 : 10), y: wired ? p.y - 8 : p.y + 4, "text-anchor": way === "in" ? "end" : "start" }, same ? "→" : way === "in" ? `${brief(label)} →` : `→ ${brief(label)}`));
     }
   }
   return svg;
 }
 
-function brief(port) {
-  return port.length > MOST ? `${port.slice(0, MOST - 1)}…` : port;
+function brief(port, most = MOST) {
+  return port.length > most ? `${port.slice(0, most - 1)}…` : port;
 }
 
 /** How wide a box is, so that the names at its two sides do not meet. */

@@ -38,7 +38,7 @@ export function table(headings, rows, { caption = "", label = caption, verdict =
   return h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": label || headings.join(", ") },
     h("table", {},
       caption ? h("caption", {}, caption) : null,
-      h("thead", {}, h("tr", {}, headings.map((t) => h("th", { scope: "col" }, t)))),
+      h("thead", {}, h("tr", {}, headings.map((t) => (t ? h("th", { scope: "col" }, t) : h("td"))))),
       h("tbody", {}, rows.map((row, k) => h("tr", {}, row.map((cell, i) =>
         i === 0 ? h("th", { scope: "row", class: i === verdict ? toned(tones[k]) : "" }, cell)
           : h("td", { class: i === verdict ? toned(tones[k]) : headings[i] !== "unit" && /^[-+−–\d.,e∞]+$/.test(String(cell)) ? "number" : "" }, cell)))))));

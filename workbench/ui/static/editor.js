@@ -15,7 +15,7 @@ export function schemaOf() {
 
 export class Editor {
   constructor(text, { label, onchange }) {
-    this.area = h("textarea", { value: text, spellcheck: false, wrap: "off", "aria-label": label, role: "combobox", "aria-expanded": "false", "aria-autocomplete": "list", "aria-controls": "completions" });
+    this.area = h("textarea", { value: text, spellcheck: false, wrap: "off", "aria-label": label, "aria-autocomplete": "list", "aria-controls": "completions" });
     this.gutter = h("div", { class: "gutter", "aria-hidden": "true" });
     this.list = h("ul", { id: "completions", class: "picker", role: "listbox", "aria-label": "Completions", hidden: true });
     this.element = h("div", { class: "editor" }, this.gutter, this.area, this.list);
@@ -98,14 +98,12 @@ export class Editor {
     const line = this.text.slice(0, from).split("\n");
     this.list.style.top = `${Math.min(this.area.clientHeight, line.length * Number.parseFloat(style.lineHeight) - this.area.scrollTop + 12)}px`;
     this.list.style.left = `${this.gutter.offsetWidth + Math.min(this.area.clientWidth / 2, 8 * line.at(-1).length)}px`;
-    this.area.setAttribute("aria-expanded", "true");
     this.area.setAttribute("aria-activedescendant", "completion-0");
   }
 
   close() {
     this.list.hidden = true;
     this.offered = null;
-    this.area.setAttribute("aria-expanded", "false");
     this.area.removeAttribute("aria-activedescendant");
   }
 

@@ -7,9 +7,9 @@ import { range, withPicker } from "./picker.js";
 const FIRST = 5; // fields that stand open; the others are under headings
 // Option → names that it takes.
 const NAMES = {
-  at: "points", data: "data", validation: "data", also: "data", lin: "lin", nfr: "nfr", open: "loops", input: "inputs", output: "measured", inputs: "inputs", outputs: "measured", source: "measured", target: "inputs",
+  at: "points", data: "data", validation: "data", also: "data", study: "studies", lin: "lin", nfr: "nfr", open: "loops", input: "inputs", output: "measured", inputs: "inputs", outputs: "measured", source: "measured", target: "inputs",
   block: "components", limiter: "components", attitude: "measured", watch: "measured", second: "inputs", u0: "inputs", bias: "inputs",
-  signals: "inputs", x0: "states", floating: "states", dx: "states", du: "inputs", start_values: "parameters", free: "inputs", vary: "all", over: "all", fix: "all", bound: "all",
+  signals: "inputs", x0: "states", floating: "states", dx: "states", du: "inputs", start_values: "parameters", free: "inputs", vary: "all", uncertain: "parameters", over: "all", fix: "all", bound: "all",
 };
 const FILLED = ["open", "input", "output", "inputs", "outputs"]; // with the first name that there is, where one is needed
 const IN_UNITS = { amplitudes: "input", amplitude: "input" }; // a field in the unit of the variable that another names
@@ -64,7 +64,7 @@ export class Form {
     const help = h("p", { class: "help", id: `${id}-help`, title: field.flag }, field.kind === "list" ? `${field.help} One a line.` : field.help);
     const wrong = h("p", { class: "wrong", id: `${id}-wrong`, hidden: true });
     const own = { id, "aria-describedby": `${id}-help ${id}-wrong`, "aria-required": field.required || null };
-    const names = this.names[field.name === "free" && field.kind === "list" ? "parameters" : NAMES[field.name]] ?? []; // calibrate's
+    const names = this.names[field.name === "free" && field.kind === "list" ? "parameters" : NAMES[field.name]] ?? []; // of calibrate and tune
     const start = value ?? (field.required && FILLED.includes(field.name) ? names[0]?.name : null);
     let input;
     if (field.kind === "switch") {

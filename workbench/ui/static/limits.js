@@ -40,3 +40,41 @@ export function numberOf(requirements, kind) {
   const all = requirements.map((r, i) => [r, i]).filter(([r]) => r.kind === kind && typeof r.min === "number");
   return all.length ? all.reduce((a, b) => (b[0].min > a[0].min ? b : a))[1] : null;
 }
+
+/**
+ * A study that asks for margins {db, deg} and a crossover {hz} of a loop, of a model with parameters `set` in place of
+ * those of its file; what is null is not asked for. That the loop gain is at least one at a frequency puts its crossover
+ * there or higher.
+ */
+export function wantedStudy({ model, open, set, db, deg, hz }) {
+  const changed = Object.entries(set).map(([name, value]) => `${JSON.stringify(name)} = ${toml(value)}`);
+  const asked = [
+    ["gain margin", db, `kind = "gain margin"\nmin = ${toml(db)}`], ["phase margin", deg, `kind = "phase margin"\nmin = ${toml(deg)}`],
+    ["crossover", hz, `kind = "gain"\nfrequency = ${toml(hz)}\nmin = 0.0`],
+  ].filter(([, value]) => value !== null);
+  return [
+    `# What is wanted of ${model}, opened at ${open}; the browser writes it anew when it is to be found.`, "[models]",
+    `loop = ${changed.length ? `{model = ${JSON.stringify(model)}, set = {${changed.join(", ")}}}` : JSON.stringify(model)}`, "",
+    "[analyses.margins]", 'command = "loop"', 'model = "loop"', `open = ${JSON.stringify(open)}`,
+    ...asked.map(([name, , lines]) => `\n[[requirements]]\nname = "${name}"\nanalysis = "margins"\n${lines}`),
+  ].join("\n") + "\n";
+}
+
+/** A number as TOML has it. */
+function toml(value) {
+  return Number.isInteger(value) ? `${value}.0` : String(value);
+}
+
+/** Margins in a picture: a bar from the curve to the border. */
+export function notesOf({ open }, on, b) {
+  return (open.marks ?? []).filter((m) => m.on === on).map((m) => {
+    const y = on === "gain" ? m.db : b.phase[b.x.findIndex((x) => x >= m.hz)];
+    return { x: m.hz, y, to: on === "gain" ? 0 : y - m.deg, text: m.text, colour: "--accent" };
+  });
+}
+
+/** The circle around the origin of a Nyquist picture. */
+export function circle() {
+  const angles = Array.from({ length: 91 }, (_, k) => (k * Math.PI) / 45);
+  return { label: "unit circle", colour: "--dim", x: angles.map(Math.cos), y: angles.map(Math.sin), dash: [2, 4], width: 1 };
+}

@@ -18,7 +18,7 @@ export function address(name, ...rest) {
 export function whyNot(form, known) {
   const needs = (kind, ...names) => form.fields.some((f) => f.required && names.includes(f.name)) && !known[kind].length;
   if (!known.components && !known.runnable) return form.command === "check" ? "" : "it has no binary that runs on this machine";
-  if (form.of_system && !known.components) return "it needs a system; close a loop around this model first";
+  if ((form.of_system || form.command === "tune") && !known.components) return "it needs a system; close a loop around this model first";
   if (needs("inputs", "input", "inputs", "target")) return "it needs an input, and this model has none";
   if (needs("outputs", "output", "outputs", "source") && !known.states.length) return "it needs an output or a state, and this model has none";
   if (form.command === "branches" && known.interfaces && !known.interfaces.includes("me")) return "it sets the states, which co-simulation does not let it do";
@@ -48,7 +48,7 @@ export function prefill(name, command, values) {
 /** Files that fields name: data, kept points of a model, results of other analyses. */
 function filesFor(known) {
   const of = (kind, command = null) => server.files.filter((f) => f.kind === kind && (!command || f.command === command)).map((f) => f.name);
-  return { points: keptPoints(known), data: of("data"), lin: of("record", "lin"), nfr: of("record", "nfr") };
+  return { points: keptPoints(known), data: of("data"), studies: of("study"), lin: of("record", "lin"), nfr: of("record", "nfr") };
 }
 
 /**

@@ -30,7 +30,7 @@ export async function modelPage([name, tab = "card", ...rest]) {
 export function head(name, known, here) {
   const tabs = [...TABS, ...(known.components ? [["diagram", "Diagram"], ["tune", "Tune"], ["build", "Make an FMU"]] : [["loop", "Close a loop"]])];
   const to = (id) => ({ tune: `#/tune/${encodeURIComponent(name)}`, build: `#/build/${encodeURIComponent(name)}`, diagram: `#/system/${encodeURIComponent(name)}`, loop: `#/system/new/${encodeURIComponent(name)}` })[id] ?? address(name, id);
-  return h("div", { class: "head" }, h("h1", {}, known.model), h("span", { class: "dim clip", title: known.description ?? name }, known.description ?? name),
+  return h("div", { class: "head" }, h("h1", { title: known.model }, known.model), h("span", { class: "dim clip", title: known.description ?? name }, known.description ?? name),
     h("nav", { class: "tabs", "aria-label": "Of this model" }, tabs.map(([id, label]) => h("a", { href: to(id), "aria-current": id === here ? "page" : null }, label))));
 }
 

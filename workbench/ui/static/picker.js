@@ -24,7 +24,7 @@ export function withPicker(input, variables, after = "") {
   const close = () => {
     list.hidden = true;
     list.replaceChildren();
-    input.setAttribute("aria-expanded", "false");
+    if (!several) input.setAttribute("aria-expanded", "false");
     input.removeAttribute("aria-activedescendant");
   };
   const take = (variable) => {
@@ -63,10 +63,10 @@ export function withPicker(input, variables, after = "") {
     more ? h("li", { class: "dim", role: "option", "aria-disabled": "true" }, `The first ${MOST}; type to find others of ${variables.length}.`) : null);
     list.hidden = false;
     list.scrollTop = 0;
-    input.setAttribute("aria-expanded", "true");
+    if (!several) input.setAttribute("aria-expanded", "true");
     return null;
   };
-  for (const [name, value] of [["role", "combobox"], ["aria-controls", id], ["aria-expanded", "false"], ["aria-autocomplete", "list"], ["autocomplete", "off"]]) input.setAttribute(name, value);
+  for (const [name, value] of [...(several ? [] : [["role", "combobox"], ["aria-expanded", "false"]]), ["aria-controls", id], ["aria-autocomplete", "list"], ["autocomplete", "off"]]) input.setAttribute(name, value);
   input.addEventListener("input", (event) => event.isTrusted && open());
   input.addEventListener("click", () => open(!several));
   input.addEventListener("blur", close);

@@ -37,7 +37,7 @@ class StudyPage {
       h("div", { class: "study" },
         h("section", { "aria-label": "Text of the study" }, h("div", { class: "bar" }, this.running, this.writing, h("label", { for: "file", class: "dim" }, "File"), this.file, this.state), this.editor.element, this.wrong,
           h("p", { class: "help" }, "Ctrl+Space completes what is written; the page of study files says what each key means.")),
-        h("section", { "aria-label": "Requirements" }, this.table, this.adding)),
+        h("section", { "aria-label": "What is required" }, this.table, this.adding)),
       this.place);
     this.changed();
   }
@@ -86,13 +86,14 @@ class StudyPage {
       const found = [...this.rows.values()].filter((row) => row.name === r.name);
       return (found.length ? found : [null]).map((row) => ({ r, row }));
     });
-    const cells = ({ r, row }) => h("tr", {}, h("td", { class: TONES[row?.verdict] ?? "dim" }, row?.verdict ?? "not run"),
+    const over = envelope && this.work?.lead ? this.work : null; // what the map has come to
+    const cells = ({ r, row }) => h("tr", {}, h("td", { class: TONES[row?.verdict] ?? "dim" }, row?.verdict ?? (over ? "see the map" : "not run")),
       h("th", { scope: "row" }, h("button", { type: "button", class: "bare", title: "Show it in the text", onclick: () => this.editor.go(r.line) }, row?.point ? `${r.name} (${row.point})` : r.name), h("span", { class: "dim" }, ` ${r.kind} of ${r.analysis}`), row?.reason ? h("span", { class: "watch" }, row.reason) : null),
       ...["value", "limit", "margin"].map((key) => h("td", { class: "number" }, row?.[key] ?? "")), h("td", {}, row?.where ?? ""));
     const met = [...this.rows.values()].filter((row) => row.verdict === "passed").length;
-    fill(this.table, h("h2", {}, rows.length ? `Requirements: ${this.rows.size ? `${met} of ${this.rows.size} met` : "not run yet"}` : "No requirements yet"),
+    fill(this.table, h("h2", {}, rows.length ? `Requirements${this.rows.size ? `: ${met} of ${this.rows.size} met` : over ? "" : ": not run yet"}` : "No requirements yet"),
       rows.length ? h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "Requirements" }, h("table", {}, h("thead", {}, h("tr", {}, ["verdict", "requirement", "value", "limit", "margin", "where"].map((t) => h("th", { scope: "col" }, t)))), h("tbody", {}, rows.map(cells)))) : null,
-      envelope ? h("p", { class: "dim" }, "It has an envelope: its requirement is mapped over the parameters.") : null);
+      over ? h("p", { class: over.well ? "good" : "bad" }, over.lead) : envelope ? h("p", { class: "dim" }, "It has an envelope: its requirement is mapped over the parameters.") : null);
     const names = analyses.map((a) => a.name).join(" ");
     if (names !== this.offered) this.offer(analyses);
     this.offered = names;
@@ -144,6 +145,7 @@ class StudyPage {
       const work = await begin(this.told.envelope ? "envelope" : "run", this.name, {});
       this.rows.clear();
       await this.watch(work.number);
+      this.place.scrollIntoView({ block: "start" }); // it is below the text
     } catch (error) {
       say(wrongs(error), true);
     }
@@ -153,6 +155,7 @@ class StudyPage {
   async watch(number) {
     this.shown?.leave();
     this.end?.();
+    this.work = server.works.get(number);
     this.shown = live(number, { ongoing: () => this.run() });
     fill(this.place, this.shown.element);
     const take = (points) => {
@@ -163,7 +166,10 @@ class StudyPage {
       if (work.number !== number) return;
       if (event.event === "removed") fill(this.place);
       else if (event.point) take([event.point]);
-      else if (event.event === "state" && work.has_record) lookAgain().catch(() => {});
+      else if (event.event === "state" && work.has_record) {
+        this.draw();
+        lookAgain().catch(() => {});
+      }
     });
     take((await whole(number)).points);
   }

@@ -3,10 +3,12 @@
 import { beginDraft, ended, factsOf, forget, get, lookAgain, post, server } from "./api.js";
 import { DEPTH } from "./bode.js";
 import { fill, h, say, wrongs } from "./dom.js";
+import { TONES, figures } from "./figures.js";
+import { finding } from "./find.js";
 import { sourcesInLoops } from "./form.js";
 import { closedHandles, handlesOf } from "./handles.js";
 import { write } from "./keep.js";
-import { marginsIn, masksIn, numberOf, stepRegions } from "./limits.js";
+import { circle, marginsIn, masksIn, notesOf, numberOf, stepRegions } from "./limits.js";
 import { head } from "./model.js";
 import { bode, locusRanges, shown, unitShown } from "./numbers.js";
 import { Plot, colour, ramp } from "./plot.js";
@@ -15,6 +17,7 @@ const NEAR = 4; // times the crossover are the poles away that the root locus sh
 const REACH = 1.5; // decades to both sides of where a slider starts
 const RESTS = 1200; // after so long a value counts as chosen, and the loop is measured with it [ms]
 const GAIN = "loop gain";
+const BELOW = 0.995; // of a crossover, so that its three digits are met
 const LOWEST = -60; // of the gain picture [dB]
 const SAME = 1e-6; // relative: two loops are one
 // Parameters that scale a block as a whole.
@@ -38,7 +41,7 @@ class Workspace {
     this.values = {}; // those that are not as in the file
     this.past = []; // values before each change, for undo
     this.kept = null; // {values, told}: the design that is compared
-    this.measured = [];
+    this.measured = this.loud = [];
     this.asked = this.running = null;
     this.pictures();
   }
@@ -77,7 +80,12 @@ class Workspace {
     this.writing = h("button", { type: "button", onclick: () => this.write() }, "Write into the system");
     this.file = h("input", { type: "text", id: "file", value: name.includes(":") ? `${name.split(":")[1]}.toml` : name, spellcheck: false });
     const wanted = (id, label, value) => h("input", { type: "text", id, "aria-label": label, inputMode: "decimal", value, onchange: () => this.draw() });
-    this.wanted = { db: wanted("wanted-db", "wanted gain margin, dB", "6"), deg: wanted("wanted-deg", "wanted phase margin, degrees", "45") };
+    this.wanted = { db: wanted("wanted-db", "wanted gain margin, dB", "6"), deg: wanted("wanted-deg", "wanted phase margin, degrees", "45"), hz: wanted("wanted-hz", "wanted crossover, Hz", "") };
+    this.finder = this.parameters.length > 1 ? finding({
+      name, open, study: () => this.required?.name ?? null, values: () => this.measurable(), found: (values) => this.take(values),
+      wanted: () => this.least(),
+      free: () => this.parameters.filter((p) => this.ticks.get(p.name)?.checked).map((p) => `${p.name}=${reach(p).join(":")}`),
+    }) : null;
     this.amplitude = h("input", { type: "text", id: "amplitude", inputMode: "decimal", placeholder: "e.g. 1, 10", spellcheck: false, onchange: () => this.rest(0) });
     this.measuring = h("span", { class: "dim", role: "status" });
     this.cycling = h("p", { class: "help", role: "status" });
@@ -85,6 +93,7 @@ class Workspace {
     this.block = blocks.length ? h("select", { id: "block", onchange: () => this.rest(0) }, h("option", { value: "" }, "–"), blocks.map((b) => h("option", {}, b))) : null;
     this.study = h("select", { id: "study", onchange: () => this.require() }, h("option", { value: "" }, "–"), server.files.filter((f) => f.kind === "study").map((f) => h("option", {}, f.name)));
     this.feeding = h("button", { type: "button", class: "quiet", disabled: true, title: "Put the wanted margins into the requirements of the study", onclick: () => this.feed() }, "Into the study");
+    this.ticks = new Map();
     this.knobs = new Map(this.parameters.map((p) => [p.name, this.knob(p)]));
     const groups = new Map();
     for (const p of this.parameters) groups.set(p.component, [...(groups.get(p.component) ?? []), p]);
@@ -107,6 +116,7 @@ class Workspace {
       leave: () => {
         removeEventListener("keydown", keys);
         clearTimeout(this.waits);
+        this.finder?.leave();
         if (this.running) post(`/api/works/${this.running}/stop`).catch(() => {});
       },
       element: h("div", {}, head(name, known, "tune"),
@@ -118,7 +128,7 @@ class Workspace {
             [...groups].map(([component, own]) => h("section", {}, h("h2", {}, component, " ", h("span", { class: "dim" }, own[0].kind)), own.map((p) => this.knobs.get(p.name).element))),
             h("div", { class: "field" }, h("label", { for: "amplitude" }, "Measure at amplitudes", h("span", { class: "unit" }, `of ${open}`)), this.amplitude, h("p", { class: "help" }, "The loop with its nonlinear parts, measured in the background whenever a value rests."), this.measuring),
             this.block ? h("div", { class: "field" }, h("label", { for: "block" }, "Limit cycles by the block"), this.block, this.cycling) : null,
-            h("div", { class: "field" }, h("label", { for: "wanted-db" }, "Wanted margins", h("span", { class: "unit" }, "dB and °")), h("div", { class: "two" }, this.wanted.db, this.wanted.deg)),
+            h("div", { class: "field" }, h("label", { for: "wanted-db" }, "Wanted", h("span", { class: "unit" }, "dB, ° and at least Hz")), h("div", { class: "three" }, this.wanted.db, this.wanted.deg, this.wanted.hz), h("p", { class: "help" }, "Margins and crossover. Find it chooses the ticked parameters: as fast as the margins allow."), this.finder?.element ?? null),
             h("div", { class: "field" }, h("label", { for: "study" }, "Requirements of"), this.study, h("p", { class: "help" }, "Its margins are wanted, its masks and limits of steps are drawn."), this.feeding),
             h("div", { class: "field" }, h("label", { for: "file" }, "File"), this.file)),
           h("div", {}, h("div", { class: "told" }, this.verdict, this.numbers),
@@ -162,8 +172,10 @@ class Workspace {
       show(value);
       this.set(p.name, value);
     });
+    const tick = p.name === GAIN ? null : h("input", { type: "checkbox", checked: p.kind in SCALES && log, "aria-label": `${p.name}: find it`, title: "Find it may change this" });
+    this.ticks.set(p.name, tick);
     const label = p.name === GAIN ? "loop gain ×" : p.name.slice(p.component.length + 1);
-    return { show, element: h("div", { class: "knob", title: p.help }, h("label", { for: id }, label), slider, number, h("span", { class: "unit" }, unitShown(p.unit))) };
+    return { show, element: h("div", { class: "knob", title: p.help }, h("span", {}, tick, " ", h("label", { for: id }, label)), slider, number, h("span", { class: "unit" }, unitShown(p.unit))) };
   }
 
   remember() {
@@ -201,6 +213,11 @@ class Workspace {
     if (!this.past.length) return;
     this.values = this.past.pop();
     this.undoing.disabled = !this.past.length;
+    this.showValues();
+  }
+
+  /** Show the values at their sliders, and what the loop is with them. */
+  showValues() {
     for (const p of this.parameters) this.knobs.get(p.name).show(this.values[p.name] ?? p.value);
     this.update();
   }
@@ -245,7 +262,7 @@ class Workspace {
   /** Measure the loop at real amplitudes when nothing has changed for a while. */
   rest(after = RESTS) {
     clearTimeout(this.waits);
-    this.measured = [];
+    this.measured = this.loud = [];
     const cycles = this.block?.value;
     if (!this.amplitude.value.trim()) this.measuring.textContent = "";
     if (!cycles && this.block) this.cycling.textContent = "";
@@ -256,11 +273,25 @@ class Workspace {
     }, after);
   }
 
+  /** The values as a file can have them. */
+  async measurable() {
+    const values = await this.folded();
+    if (!values) throw new Error("no block carries the whole loop: set the loop gain to 1, and change parameters instead");
+    return values;
+  }
+
+  /** Values that were found; they are one change. */
+  take(values) {
+    this.remember();
+    this.values = { ...this.values, ...values };
+    delete this.values[GAIN]; // it is in them
+    this.showValues();
+  }
+
   /** What is asked of the loop with the values that rest; null: they have changed since. */
   async background(asked) {
     const before = JSON.stringify(this.values);
-    const values = await this.folded();
-    if (!values) throw new Error("no block carries the whole loop: the factor on it cannot be measured");
+    const values = await this.measurable();
     if (this.running) await post(`/api/works/${this.running}/stop`).catch(() => {});
     const work = await beginDraft({ name: this.name, open: this.open, values, measure: asked });
     this.running = work.number;
@@ -347,7 +378,9 @@ class Workspace {
       const full = await this.background({ open: this.open, amplitudes: this.amplitude.value, ...(crossing ? { band: `${shown(crossing / 3, 4)}:${shown(crossing * 3, 4)}`, ratio: String(shown(9 ** (1 / GROUND), 4)), refine: "1" } : {}) });
       if (!full) return;
       this.measured = full.curves.filter((c) => c.kind === "measured");
-      this.measuring.textContent = full.verdicts.filter((v) => !v.text.startsWith("linear")).map((v) => `${v.word}: ${v.text}`).join("; ");
+      this.loud = full.record.measured.map((m) => ({ label: `at ${shown(m.amplitude, 4)} ${unitShown(full.record.unit)}`, margins: m.margins }));
+      const texts = full.verdicts.filter((v) => !v.text.startsWith("linear")).map((v) => v.text);
+      fill(this.measuring, this.loud.map(({ label, margins: { closed_loop: word } }, i) => h("span", { class: TONES[word] ?? "watch", title: texts[i] ?? "" }, `${word} ${label}. `)));
       this.draw();
     } catch (error) {
       fill(this.measuring, h("span", { class: "bad" }, wrongs(error)));
@@ -356,19 +389,16 @@ class Workspace {
 
   async write() {
     try {
-      const values = await this.folded();
-      if (!values) {
-        say("No block carries the whole loop: set the loop gain to 1, and change parameters instead.", true);
-        return;
-      }
+      const values = await this.measurable();
       const changed = Object.entries(values).map(([n, v]) => [n, Number(v.toPrecision(6))]);
       if (!changed.length) {
         say("Nothing is changed.");
         return;
       }
-      let { text } = await get(`/api/text?name=${encodeURIComponent(this.name)}`);
+      const { text: was } = await get(`/api/text?name=${encodeURIComponent(this.name)}`);
+      let text = was;
       for (const [n, v] of changed) ({ text } = await post("/api/diagram", { name: this.name, text, change: ["set", n, Number.isInteger(v) ? `${v}.0` : String(v)] }));
-      if (!(await write(this.file.value, text))) return;
+      if (!(await write(this.file.value, text, this.file.value === this.name ? was : null))) return;
       forget(this.file.value);
       await lookAgain();
       if (this.file.value !== this.name) location.hash = `#/tune/${encodeURIComponent(this.file.value)}/${encodeURIComponent(this.open)}`;
@@ -391,6 +421,7 @@ class Workspace {
   draw() {
     const found = this.told;
     if (!found) return;
+    this.crossing ??= this.wanted.hz.value = shown(BELOW * (found.margins.gain_crossovers.at(-1)?.frequency_hz ?? NaN), 3).replace(/–|NaN/, ""); // as fast as it is
     const kept = this.kept?.told;
     const designs = [[found, colour(0), "now", []], ...(kept ? [[kept, colour(1), "kept", [6, 4]]] : [])];
     this.say(found, kept);
@@ -414,10 +445,15 @@ class Workspace {
     this.drawStep(designs);
   }
 
+  /** What is wanted at least: {db, deg, hz}; null: nothing. */
+  least() {
+    return Object.fromEntries(Object.entries(this.wanted).map(([key, { value }]) => [key, Number(value) > 0 ? Number(value) : null]));
+  }
+
   /** What the curve has to stay out of in the Nichols picture, for the margins that are wanted. */
   region() {
-    const [db, deg] = [Number(this.wanted.db.value), Number(this.wanted.deg.value)];
-    return db > 0 && deg > 0 ? [{ colour: 6, fill: true, x: [-180 - deg, -180, -180 + deg, -180], y: [0, db, 0, -db] }] : [];
+    const { db, deg } = this.least();
+    return db && deg ? [{ colour: 6, fill: true, x: [-180 - deg, -180, -180 + deg, -180], y: [0, db, 0, -db] }] : [];
   }
 
   /** What masks of the study the open loop has to stay out of. */
@@ -449,30 +485,13 @@ class Workspace {
   /** The verdict in words, and the margins as numbers, of both designs. */
   say(found, kept) {
     const { word, text } = found.verdict;
-    fill(this.verdict, h("strong", { class: { stable: "good", unstable: "bad" }[word] ?? "" }, word), ` ${text.replace(/^L: (the closed loop is (un)?stable: )?/, "").replace(/; gain margin.*$/, "")}`);
-    const m = (d) => d.margins;
-    const least = (wanted) => (Number(wanted.value) > 0 ? Number(wanted.value) : null);
-    const rows = [["Gain margin", (d) => m(d).gain_margin_db, "dB", least(this.wanted.db)], ["Phase margin", (d) => m(d).phase_margin_deg, "°", least(this.wanted.deg)], ["Delay margin", (d) => (m(d).delay_margin_s === null ? null : 1e3 * m(d).delay_margin_s), "ms"], ["Crossover", (d) => m(d).gain_crossovers.at(-1)?.frequency_hz ?? null, "Hz"], ["Overshoot", (d) => overshoot(d.step), "%"]];
-    const tone = (value, wanted) => (wanted === undefined || wanted === null || value === null ? "" : Math.abs(value) >= wanted ? "good" : "bad"); // a phase margin with a minus is a lead, and as far
-    fill(this.numbers, rows.map(([label, of, unit, wanted]) => h("div", {}, h("span", { class: "dim" }, label), h("span", { class: `figure ${tone(of(found), wanted)}` }, shown(of(found), 3), h("span", { class: "unit" }, ` ${unit}`)), kept ? h("span", { class: "dim" }, `kept ${shown(of(kept), 3)}`) : null)));
+    fill(this.verdict, h("strong", { class: TONES[word] ?? "" }, word), ` ${text.replace(/^L: (the closed loop is (un)?stable: )?/, "").replace(/; gain margin.*$/, "")}`);
+    fill(this.numbers, figures(found, [...(kept ? [{ ...kept, label: "kept" }] : []), ...this.loud], this.least()));
   }
 }
 
-function overshoot({ time, value, left_s: left }) {
-  if (left !== null || !time.length) return null;
-  const end = value.at(-1);
-  return end ? Math.max(0, 100 * (Math.max(...value.map((v) => v / end)) - 1)) : null;
-}
-
-/** Margins in a picture: a bar from the curve to the border. */
-function notesOf({ open }, on, b) {
-  return (open.marks ?? []).filter((m) => m.on === on).map((m) => {
-    const y = on === "gain" ? m.db : b.phase[b.x.findIndex((x) => x >= m.hz)];
-    return { x: m.hz, y, to: on === "gain" ? 0 : y - m.deg, text: m.text, colour: "--accent" };
-  });
-}
-
-function circle() {
-  const angles = Array.from({ length: 91 }, (_, k) => (k * Math.PI) / 45);
-  return { label: "unit circle", colour: "--dim", x: angles.map(Math.cos), y: angles.map(Math.sin), dash: [2, 4], width: 1 };
+/** From where to where a slider goes. */
+function reach({ value, least }) {
+  if (value === 0) return [least === null ? -1 : Math.max(-1, least), 1];
+  return [value * 10 ** -REACH, value * 10 ** REACH].sort((a, b) => a - b).map((x) => Number(x.toPrecision(5)));
 }

@@ -1,0 +1,47 @@
+"""What is marked in pictures of frequency responses: resonances and where the gain falls."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from workbench.core.values.arrays import Complex, Floats
+from workbench.ui.marks import response_marks
+
+HZ = np.geomspace(0.1, 10.0, 400)
+ZETA = 0.1  # of a mode at 1 Hz
+PEAK = math.sqrt(1.0 - 2.0 * ZETA**2)  # where the gain of such a mode is largest [Hz]
+
+
+def mode(hz: Floats, damping: float = ZETA) -> Complex:
+    return 1.0 / (1.0 - hz**2 + 2j * damping * hz)
+
+
+def peaks(value: Complex, hz: Floats = HZ) -> list[float]:
+    return [mark["hz"] for mark in response_marks(hz, value) if mark["what"] == "resonance"]
+
+
+def test_a_resonance_is_marked_where_the_gain_is_largest() -> None:
+    (mark,) = [m for m in response_marks(HZ, mode(HZ)) if m["what"] == "resonance"]
+    assert mark["hz"] == pytest.approx(PEAK, rel=0.012)  # half a distance of points
+    assert mark["db"] == pytest.approx(-20.0 * math.log10(2.0 * ZETA * math.sqrt(1.0 - ZETA**2)), abs=0.01)
+
+
+def test_a_resonance_on_a_slope_is_marked_though_the_slope_is_higher_elsewhere() -> None:
+    on_a_slope = mode(HZ) / (2j * np.pi * HZ)
+    assert np.argmax(np.abs(on_a_slope)) == 0
+    (hz,) = peaks(on_a_slope)
+    assert hz == pytest.approx(PEAK, rel=0.05)
+    assert peaks(on_a_slope[::-1], HZ[::-1]) == [hz]  # in whatever order the points come
+
+
+def test_what_only_falls_or_ripples_has_no_resonance() -> None:
+    lag = 1.0 / (1.0 + 1j * HZ)
+    ripple = 10.0 ** (0.2 * np.sin(40.0 * np.log(HZ)) / 20.0)  # of 0.2 dB
+    for value in (lag, lag / (1j * HZ), lag * ripple, mode(HZ, 0.8), np.full(len(HZ), 1.0 + 0j)):
+        assert peaks(value) == []
+    gaps = mode(HZ)
+    gaps[::7] = np.nan
+    assert len(peaks(gaps)) == 1

@@ -1,0 +1,69 @@
+// A controller that is wanted: `tune` finds its parameters, which come back to the sliders of the loop.
+
+import { begin, ended, get, onChange, server, stop } from "./api.js";
+import { fill, h, told, wrongs } from "./dom.js";
+import { write } from "./keep.js";
+import { wantedStudy } from "./limits.js";
+import { shown } from "./numbers.js";
+
+const MARGINS = [["db", "gain margin"], ["deg", "phase margin"]]; // they must be there; the crossover comes as near as it can
+const DIGITS = 6; // of a value that was found
+
+/**
+ * The button that finds what is wanted, and what it found. `wanted()` gives margins and crossover, `study()` the study
+ * that is chosen or null, `values()` those of the sliders, `free()` the parameters that may change with their limits;
+ * `found` takes parameter → value.
+ */
+export function finding({ name, open, wanted, study, values, free, found }) {
+  const halt = h("button", { type: "button", class: "quiet", hidden: true, onclick: () => running && stop(running) }, "Stop");
+  const go = h("button", { type: "button", class: "quiet", title: "Let tune choose the ticked parameters within the range of their sliders", onclick: () => find() }, "Find it");
+  const says = h("div", { class: "found", role: "status" });
+  let running = null;
+  async function find() {
+    go.disabled = true;
+    let end = () => {};
+    try {
+      const file = study() ?? (await written());
+      if (!file) return;
+      const asked = { free: free(), study: file, ...(!study() && wanted().hz ? { hard: MARGINS.filter(([key]) => wanted()[key]).map(([, label]) => label) } : {}) };
+      running = (await begin("tune", name, asked)).number;
+      halt.hidden = false;
+      const tell = () => fill(says, h("p", { class: "dim" }, server.works.get(running)?.words || "Opening the model …"));
+      end = onChange((work) => work.number === running && tell());
+      tell();
+      const full = await ended(running);
+      end();
+      if (!full.record) throw new Error(full.failure?.message ?? full.state);
+      found(Object.fromEntries(full.record.parameters.map((p) => [p.name, Number(p.value.toPrecision(DIGITS))])));
+      fill(says, h("p", {}, full.lead), full.verdicts.filter((v) => v.word !== "passed").map(told), held(full.record), atLimits(full.record), h("p", {}, h("a", { href: `#/run/${running}` }, `All of it: tune ${running}`)));
+    } catch (error) {
+      fill(says, h("p", { class: "bad" }, wrongs(error)));
+    } finally {
+      end();
+      running = null;
+      halt.hidden = true;
+      go.disabled = false;
+    }
+  }
+  /** The study with what is wanted, beside the system: it stays, to be run again; null: it was not to be replaced. */
+  async function written() {
+    const [folder, file] = /^(.*\/)?([^/]*)$/.exec(name.includes(":") ? name.split(":")[1] : name).slice(1);
+    const path = `${folder ?? ""}${file.replace(/\.\w+$/, "")}_wanted.toml`;
+    const text = wantedStudy({ model: name.includes(":") ? name : file, open, set: await values(), ...wanted() });
+    const there = server.files.some((f) => f.name === path) ? (await get(`/api/text?name=${encodeURIComponent(path)}`)).text : null;
+    return there === text || (await write(path, text, there?.startsWith(text.split("\n")[0]) ? there : null)) ? path : null;
+  }
+  return { element: h("div", {}, h("div", { class: "row" }, go, halt), says), leave: () => { if (running) stop(running).catch(() => {}); } };
+}
+
+/** What is met, and holds back what is not. */
+function held({ requirements }) {
+  const names = [...new Set(requirements.filter((r) => r.active && r.passed).map((r) => r.name))];
+  return requirements.every((r) => r.passed) || !names.length ? null : h("p", {}, `Held back by: ${names.join(", ")}.`);
+}
+
+/** Parameters that a limit holds: further away there may be more. */
+function atLimits({ parameters }) {
+  const held = parameters.filter((p) => p.at_bound);
+  return held.length ? h("p", { class: "watch" }, `At the end of its range: ${held.map((p) => `${p.name} = ${shown(p.value, 4)}`).join(", ")}.`) : null;
+}
