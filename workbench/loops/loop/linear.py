@@ -12,6 +12,7 @@ from workbench.core.records.option import values_of
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.margins import Margins
 from workbench.loops.loop.cut import PASSED, RETURNED, CutLoop
+from workbench.loops.loop.delayed_loop import delayed_margins, delayed_stability
 from workbench.loops.loop.lifted import Lifted, lifted, margins_of_lifted
 from workbench.loops.loop.margins import margins_of, withheld
 from workbench.loops.loop.result import LinearLoop
@@ -67,7 +68,11 @@ def linear_loop(cut: CutLoop, *, method: str = "auto", dx: Widths | None = None,
             stability_of(transfer), "the system is sampled, but this linear model holds its discrete states"
         )
         return LinearLoop(result, transfer, stability, withheld(stability), notes)
-    absolute = None if transfer.dt > 0.0 or result.delayed else absolute_stability(transfer, name=cut.place.label)
+    if result.delayed is not None:
+        exact = result.delayed.negated()
+        stability = delayed_stability(exact, transfer)
+        return LinearLoop(result, transfer, stability, delayed_margins(exact, stability), notes)
+    absolute = None if transfer.dt > 0.0 else absolute_stability(transfer, name=cut.place.label)
     return LinearLoop(result, transfer, stability_of(transfer), margins_of(transfer), notes, absolute)
 
 
@@ -108,8 +113,8 @@ def _notes(cut: CutLoop, result: LinResult) -> list[str]:
         )
     if result.dt == 0.0 and abs(size := float(result.D[0, 0])) >= 1.0:
         notes.append(
-            f"|L| is {abs(size):.4g} at infinite frequency, not below 1: any delay, however short, makes infinitely many "
-            "poles of the closed loop reach the border or pass it, so that the delay margin is 0"
+            f"|L| is {abs(size):.4g} at infinite frequency, not below 1: any delay, however short, makes "
+            "infinitely many poles of the closed loop reach the border or pass it, so that the delay margin is 0"
         )
     moving = _moving(result.operating_point.dx, result.operating_point.x) if result.dt == 0.0 else []
     if moving:

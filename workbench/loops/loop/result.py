@@ -197,7 +197,7 @@ class LinearLoop(RecordPart):
 
     Attributes:
         lin: of the opened system, from the signal passed on to the signal returned: minus L.
-        transfer: L.
+        transfer: L; transport delays are Padé approximations here, but not in `response`, the stability and the margins.
         stability: of the closed loop.
         margins: of L, exact.
         notes: one line each.
@@ -252,8 +252,9 @@ class LinearLoop(RecordPart):
         )
 
     def response(self, frequency_hz: Floats) -> Complex:
-        """Return L at frequencies [Hz], shape (k,)."""
-        return self.transfer.response(frequency_hz)
+        """Return L at frequencies [Hz], shape (k,); with its transport delays as they are."""
+        exact = self.lin.delayed
+        return self.transfer.response(frequency_hz) if exact is None else -exact.response(frequency_hz)[:, 0, 0]
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from workbench.core.values.linear import Linear, LinearPart
 from workbench.core.values.margins import BORDER, STABLE, UNKNOWN, UNSTABLE
 from workbench.core.values.poles import sides
 
-__all__ = ["ClosedLoopStability", "judged", "same_poles", "stability_of", "unknown"]
+__all__ = ["ClosedLoopStability", "judged", "same_poles", "stability_of", "unknown", "words_of"]
 
 _RELATIVE = 1e-7  # of a pole's size (of 1 for sampled ones): what its distance from the border is known to
 _KNOWN = 1e-5  # relative: what differences of runs know a characteristic polynomial to
@@ -68,7 +68,7 @@ def judged(closed: Linear, loop: Linear) -> ClosedLoopStability:
     beyond, _ = _sides(before, loop)
     verdict = UNSTABLE if outside.any() else BORDER if border.any() else STABLE
     bad = poles[outside] if outside.any() else poles[border]
-    words = _words(verdict, poles, bad, before, loop.dt)
+    words = words_of(verdict, poles, bad, before, loop.dt)
     return ClosedLoopStability(verdict, poles, int(beyond.sum()), int(outside.sum()), words)
 
 
@@ -104,7 +104,16 @@ def _sides(poles: Complex, f: Linear) -> tuple[NDArray[np.bool_], NDArray[np.boo
     return sides(poles, f.dt, relative=_RELATIVE, rounding=rounding)
 
 
-def _words(verdict: str, poles: Complex, bad: Complex, before: Complex, dt: float) -> str:
+def words_of(verdict: str, poles: Complex, bad: Complex, before: Complex, dt: float) -> str:
+    """Return a verdict and its reason in one line.
+
+    Args:
+        verdict: see `ClosedLoopStability`.
+        poles: of the closed loop.
+        bad: those for which it is not stable.
+        before: poles of the open loop.
+        dt: period [s]; 0: continuous.
+    """
     unit = "" if dt > 0.0 else " 1/s"
     if verdict == STABLE:
         if not len(poles):

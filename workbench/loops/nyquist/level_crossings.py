@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import eigvals
 from scipy.optimize import brentq
 
-from workbench.core.values.arrays import Complex, Floats
+from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import LinearPart
 from workbench.core.values.poles import continuous, damped_frequency_hz, natural_frequency_hz, vanished
 
