@@ -325,6 +325,15 @@ def test_a_step_of_second_order() -> None:
     assert find("final value", result, equal=3, tolerance=0.01).unit == "deg"
 
 
+def test_one_of_several_outputs_is_named() -> None:
+    record = {"command": "simulate", "time": [0.0, 1.0, 2.0, 3.0], "units": {}, "asked": {"inputs": "u=1"}}
+    y, z, u = [0.0, 1.0, 1.0, 1.0], [0.0, 1.5, 1.0, 1.0], [1.0] * 4
+    assert find("overshoot", {**record, "signals": {"y": y, "u": u}}, max=5).passed
+    with pytest.raises(InputError, match='the record has 2 outputs, y and z; name one, as in output = "y"'):
+        find("overshoot", {**record, "signals": {"y": y, "z": z, "u": u}}, max=5)
+    assert not find("overshoot", {**record, "signals": {"y": y, "z": z, "u": u}}, max=5, output="z").passed
+
+
 def test_rise_of_a_first_order_lag() -> None:
     time = [0.001 * k for k in range(10_001)]
     result = {"command": "simulate", "time": time, "signals": {"y": [1.0 - math.exp(-t) for t in time]}, "units": {}}
@@ -354,8 +363,8 @@ CYCLES: dict[str, Any] = {
     "block_input": "damper.rate",
     "limit_cycles": [
         {"method": "describing function", "amplitude": 0.22, "frequency_hz": 2.64, "stable": True},
-        {"method": "simulation", "amplitude": 0.21, "frequency_hz": 2.63, "stable": True},
-        {"method": "simulation", "amplitude": 0.5, "frequency_hz": 3.3, "stable": False},
+        {"method": "simulation", "amplitude": 0.21, "frequency_hz": 2.63, "stable": True, "amplitudes": {"tip": 0.13}},
+        {"method": "simulation", "amplitude": 0.5, "frequency_hz": 3.3, "stable": False, "amplitudes": {"tip": 0.4}},
     ],
     "simulated": {"frequency_hz": 2.63, "amplitude": {"tip": 0.13}, "units": {"tip": "m", "damper.rate": "rad/s"}},
 }
@@ -366,6 +375,10 @@ def test_limit_cycles() -> None:
     assert (found.value, found.unit, found.where) == (0.21, "rad/s", "2.63 Hz, simulation")
     assert find("limit cycle amplitude", CYCLES, max=0.3, unstable=True).value == 0.5
     assert find("limit cycle amplitude", CYCLES, signal="tip", max=150, unit="mm").value == pytest.approx(130.0)
+    # The largest counts, of a signal as of the block's input.
+    assert find("limit cycle amplitude", CYCLES, signal="tip", max=0.3, unstable=True).value == 0.4
+    with pytest.raises(InputError, match="a signal is measured in a simulation, not by shooting"):
+        find("limit cycle amplitude", CYCLES, signal="tip", method="shooting", max=1)
     assert find("limit cycle frequency", CYCLES, equal=2.64, relative=0.005).passed
     with pytest.raises(InputError, match="signal 'tap' was not measured; did you mean tip"):
         find("limit cycle amplitude", CYCLES, signal="tap", max=1)
@@ -429,6 +442,19 @@ def test_paths() -> None:
     }.items():  # fmt: skip
         with pytest.raises(InputError, match=message):
             found_at(data, path)
+
+
+def test_a_key_that_no_item_has_is_a_mistake() -> None:
+    found = {"command": "lin", "notes": ["one"], "zeros": [{"kind": "input"}, {"kind": "state", "name": "x"}]}
+    assert find("value", found, path="zeros[name=y]", count=True, max=0).passed
+    with pytest.raises(InputError, match="no item has 'nam'; did you mean name"):
+        find("value", found, path="zeros[nam=y]", count=True, max=0)
+    for notes in (["one"], []):
+        with pytest.raises(InputError, match=r"items of the list are not tables.*methd"):
+            find("value", {"command": "lin", "notes": notes}, path="notes[methd=xyz]", count=True, max=0)
+    with pytest.raises(InputError, match="no item has 'colum'; did you mean column"):
+        find("value", {"command": "lin", "doubtful": []}, path="doubtful[colum=x]", count=True, max=0)
+    assert find("value", {"command": "lin", "doubtful": []}, path="doubtful[column=x]", count=True, max=0).passed
 
 
 def test_any_value() -> None:

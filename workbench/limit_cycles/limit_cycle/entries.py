@@ -73,7 +73,7 @@ def from_run(run: SimulatedCycle, watch: Sequence[str]) -> LimitCycle:
         amplitude=run.amplitude[first],
         fundamental=run.fundamental[first],
         mean=run.mean[first],
-        amplitudes={n: run.amplitude[n] for n in watch},
+        amplitudes=dict(run.amplitude),
         stable=True if run.steady else None,
     )
 

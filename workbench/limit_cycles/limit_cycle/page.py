@@ -100,7 +100,9 @@ def _cycles(result: LimitCycleResult) -> Section:
         for c in result.limit_cycles
     ]  # fmt: skip
     words = f"Amplitude: half the peak-to-peak value of {result.input}; mean: its mean value."
-    further = list(dict.fromkeys(n for c in result.limit_cycles for n in c.amplitudes if n != result.input))
+    inputs = tuple(f"{block}." for block in result.blocks)
+    every = dict.fromkeys(n for c in result.limit_cycles for n in c.amplitudes if n.startswith(inputs))
+    further = [n for n in every if n != result.input]
     if further:
         units = {} if result.simulated is None else result.simulated.units
         headings += tuple(bracketed(f"amplitude of {n}", units.get(n)) for n in further)

@@ -30,7 +30,8 @@ class LimitCycle(RecordPart):
         amplitude: half the peak-to-peak value of the block's input, of several blocks the first one's.
         fundamental: amplitude of its fundamental.
         mean: mean of the block's input, in its unit.
-        amplitudes: input of each block → half its peak-to-peak value; empty: not known.
+        amplitudes: input of each block, in a simulation each output asked for, too → half its peak-to-peak value;
+            empty: not known.
         stable: by pole counts (describing function), Floquet multipliers (harmonic balance, shooting), or because
             the simulation stayed; None: not known, as where no multiplier is 1.
         multiplier: largest Floquet multiplier besides the one at 1, its size; None: not computed.

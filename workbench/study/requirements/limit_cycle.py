@@ -57,32 +57,33 @@ class LimitCycleAmplitude(_OfCycles):
     """Amplitude of the largest limit cycle, at the block's input or of a signal; 0 where there is none.
 
     Attributes:
-        signal: one that the analysis measured with `output`; None: the block's input.
+        signal: one that the analysis measured with `output`, which the simulations do; None: the block's input.
     """
 
     signal: str | None = None
+
+    def check(self, where: str, commands: Sequence[str]) -> None:
+        super().check(where, commands)
+        if self.signal is not None and self.method != "simulation":
+            raise InputError(f"{where}: a signal is measured in a simulation, not by {self.method}; leave method out")
 
     def values(self, result: Result) -> list[Value]:
         cycles = self.cycles(result)
         if not cycles:
             return [Value(value=0.0, where=_none(result))]
         if self.signal is not None:
-            return [self._of_signal(result, self.signal)]
+            return [self._of_signal(result, cycle, self.signal) for cycle in cycles]
         unit = (result.get("simulated") or {}).get("units", {}).get(result["block_input"])
         return [
             Value(value=c["amplitude"], where=f"{c['frequency_hz']:.4g} Hz, {c['method']}", unit=unit) for c in cycles
         ]
 
-    def _of_signal(self, result: Result, signal: str) -> Value:
-        simulated = result["simulated"]
-        if simulated is None:
-            raise NotMeasured("the limit cycle was not simulated")
-        if signal not in simulated["amplitude"]:
-            raise InputError(
-                f"{self.name}: signal '{signal}' was not measured; {suggest(signal, simulated['amplitude'])}"
-            )
-        where = f"{simulated['frequency_hz']:.4g} Hz, simulation"
-        return Value(value=simulated["amplitude"][signal], where=where, unit=simulated["units"].get(signal))
+    def _of_signal(self, result: Result, cycle: Result, signal: str) -> Value:
+        measured, where = cycle["amplitudes"], f"{cycle['frequency_hz']:.4g} Hz, simulation"
+        if signal not in measured:
+            raise InputError(f"{self.name}: signal '{signal}' was not measured; {suggest(signal, measured)}")
+        unit = (result["simulated"] or {}).get("units", {}).get(signal)
+        return Value(value=measured[signal], where=where, unit=unit)
 
 
 class LimitCycleFrequency(_OfCycles):

@@ -112,7 +112,8 @@ class Bandwidth(OfResponse, Limited):
     """The frequency at which the gain has fallen by 3 dB, or the phase to −90° [Hz].
 
     Where `nfr` measured it between the points (its option `bandwidth`, with the same drop; −90° goes along), that is
-    its value. That of a linear model is exact. Else it is interpolated in dB (or deg) over log frequency between two points, which are told: a limit
+    its value. That of a linear model is exact. Else it is interpolated in dB (or deg) over log frequency between two
+    points, which are told: a limit
     between them is met or not by that straight line alone; a smaller ratio of frequencies brings them closer.
 
     Attributes:

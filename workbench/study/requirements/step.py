@@ -46,10 +46,22 @@ class _OfHistory(Limited):
             InputError: it was not recorded.
         """
         signals = result["signals"]
-        name = self.output or next(iter(signals))
+        name = self.output or self._only(result)
         if name not in signals:
             raise InputError(f"{self.name}: output '{name}' was not recorded; {suggest(name, signals)}")
         return name
+
+    def _only(self, result: Result) -> str:
+        """Return the only signal that is not an input."""
+        forced = result.get("asked", {}).get("inputs", [])
+        inputs = {text.partition("=")[0] for text in ([forced] if isinstance(forced, str) else forced)}
+        outputs = [name for name in result["signals"] if name not in inputs] or list(result["signals"])
+        if len(outputs) > 1:
+            listed = f"{', '.join(outputs[:-1])} and {outputs[-1]}"
+            raise InputError(
+                f'{self.name}: the record has {len(outputs)} outputs, {listed}; name one, as in output = "{outputs[0]}"'
+            )
+        return outputs[0]
 
     def history(self, result: Result) -> _History:
         """Return the signal from `after` on.

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from dataclasses import fields, is_dataclass
+from typing import Any, get_args, get_type_hints
 
+import workbench
 from workbench.errors import InputError, suggest
 from workbench.study.position_in_file import place
 from workbench.study.requirements.base import Limited, NotMeasured, Result, Value
@@ -137,15 +139,54 @@ def found_at(result: Mapping[str, Any], path: str) -> list[tuple[str, Any]]:
         InputError: nothing stands there; near keys in the message.
     """
     pairs: list[tuple[str, Any]] = [("", result)]
-    chosen = False
+    chosen, keys = False, []
     for step in _steps(path):
         groups = step.groupdict()
+        if groups.get("name") is not None:
+            _check_filter(
+                [value for _, value in pairs if isinstance(value, list)], groups["name"], path, (result, keys)
+            )
+        keys += [groups["key"]] if groups.get("key") is not None else []
         if chosen and groups.get("index") not in (None, "*"):
             pairs = [_of_index(pairs, int(groups["index"]), path)]
         else:
             pairs = [pair for place, value in pairs for pair in _into(place, value, step, path)]
         chosen = groups.get("name") is not None
     return pairs
+
+
+def _check_filter(lists: Sequence[list[Any]], key: str, path: str, at: tuple[Mapping[str, Any], list[str]]) -> None:
+    """Refuse a key that no item can have; of lists without items the declaration of the record tells."""
+    items = [item for value in lists for item in value]
+    tables = [item for item in items if isinstance(item, dict)]
+    known = {name for item in tables for name in item} if items else _declared(*at)
+    if known is None or key in known:
+        return
+    if not known:
+        raise InputError(f"path '{path}': items of the list are not tables, so that none has '{key}'")
+    raise InputError(f"path '{path}': no item has '{key}'; {suggest(key, known)}")
+
+
+def _declared(result: Mapping[str, Any], keys: Sequence[str]) -> set[str] | None:
+    """Return which keys the items of a list can have that stands right in a record; None: that is not known."""
+    from workbench.commands import COMMANDS, REQUESTS  # noqa: PLC0415 - seldom needed
+    from workbench.requests.request import record_of  # noqa: PLC0415 - likewise
+
+    if len(keys) != 1 or result.get("command") not in COMMANDS:
+        return None
+    result_names = {name for r in COMMANDS[str(result["command"])] for name in record_of(REQUESTS[r]).split(" | ")}
+    kinds = [kind for name in result_names for kind in _items(getattr(workbench, name, None), keys[0])]
+    if not kinds or any(is_dataclass(kind) and "derived" in vars(kind) for kind in kinds):
+        return None
+    return {f.metadata.get("key") or f.name for kind in kinds if is_dataclass(kind) for f in fields(kind)}
+
+
+def _items(record: Any, key: str) -> Iterator[Any]:  # noqa: ANN401 - a class, or None
+    """Yield the type of the items of a list in a record."""
+    for declared in fields(record) if is_dataclass(record) else ():
+        if key == (declared.metadata.get("key") or declared.name):
+            hint = get_type_hints(record)[declared.name]
+            yield from get_args(hint)[:1]
 
 
 def _into(place: str, value: Any, step: re.Match[str], path: str) -> list[tuple[str, Any]]:  # noqa: ANN401
