@@ -300,6 +300,26 @@ def test_the_whole_is_unstable_where_any_mode_is(
     assert np.ravel(ranges) == pytest.approx(expected, abs=1e-8)
 
 
+def test_a_delay_makes_windows_of_instability_that_its_approximation_does_not_have(tmp_path: Path) -> None:
+    """1 + 30 e^(−sT)/(s² + 0.3 s + 900) has a pole ±jω where |L| = 1 and ω T is the phase that is left, and turns."""
+    system = tmp_path / "delayed.toml"
+    system.write_text(
+        'components.p = {block = "transfer_function", numerator = [30.0], denominator = [1.0, 0.3, 900.0]}\n'
+        'components.d = {block = "delay", delay = 1.0}\ncomponents.e = {sum = "+-"}\n'
+        'connections = {"e.u2" = "p.y", "d.u" = "e.y", "p.u" = "d.y"}\ninputs.r = "e.u1"\noutputs.y = "p.y"\n'
+    )
+    # (900 − ω²)² + (0.3 ω)² = 30²
+    omega = np.sqrt(np.roots([1.0, 0.09 - 1800.0, 810000.0 - 900.0]))
+    phase = np.pi + np.angle(30.0 / (900.0 - omega**2 + 0.3j * omega))
+    truth = np.sort(((phase[:, None] + 2.0 * np.pi * np.arange(9, 11)) / omega[:, None]).ravel())
+    within = truth[(truth > 1.9) & (truth < 2.2)]
+    with load(system) as model:
+        found = modes(model, vary="d.delay", values=np.linspace(1.9, 2.2, 7), tolerance=1e-9, in_process=True)
+    assert len(within) == 2
+    assert [c.value for c in found.sets[0].critical] == pytest.approx(within.tolist(), rel=1e-8)
+    assert [c.becomes for c in found.sets[0].critical] == ["stable", "unstable"]
+
+
 def test_divergence_is_a_real_pole() -> None:
     """With the sign turned the same loop has a real pole at −1 + ∛(16 D): divergence at D = 1/16."""
     with connect(

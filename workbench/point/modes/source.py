@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from workbench.core.records.option import recast
 from workbench.core.values.modal import Poles, poles_near, poles_of
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.jobs.job import Job
 from workbench.jobs.options import Workers
 from workbench.model import Model
+from workbench.point.lin.delay_roots import delay_roots
 from workbench.point.lin.grid import LinPoint
 from workbench.point.lin.request import Lin, LinOver
-from workbench.point.lin.result import LinResult
+from workbench.point.lin.result import DelayFreePart, LinResult
 from workbench.point.lin.sweep import points_over
 
 __all__ = ["ModelSource"]
@@ -103,11 +106,30 @@ class ModelSource:
     def _poles(self, linear: LinResult) -> Poles:
         accuracy = _ACCURACY.get(linear.method, 0.0)
         if self._count is None:
-            return poles_of(linear.A, dt=linear.dt, accuracy=accuracy)
-        some = self._count + max(self._count // 2, _SPARE)
-        return poles_near(linear.A, some, self._about, dt=linear.dt, accuracy=accuracy)
+            poles = poles_of(linear.A, dt=linear.dt, accuracy=accuracy)
+        else:
+            some = self._count + max(self._count // 2, _SPARE)
+            poles = poles_near(linear.A, some, self._about, dt=linear.dt, accuracy=accuracy)
+        return poles if linear.delayed is None else _with_delays(poles, linear.delayed)
 
     def _points(self, values: Sequence[float], workers: Workers, job: Job) -> Iterator[LinPoint]:
         """Return the linear models as they are finished."""
         over = recast(LinOver, self._lin, over={self._vary: values})
         return points_over(self._model, over, workers, job, explained=False, trimmed=self._trimmed)
+
+
+def _with_delays(approximate: Poles, part: DelayFreePart) -> Poles:
+    """Return the poles with delays as they are in place of those of approximations, the rightmost ones first of all.
+
+    Each takes the vectors of the nearest that is left. Poles of approximations beyond those that are found stay.
+    """
+    value = approximate.value.copy()
+    left = list(range(len(value)))
+    for root in delay_roots(part, value).roots:
+        alike = [i for i in left if (approximate.value[i].imag > 0.0) == (root.imag > 0.0)] if root.imag >= 0.0 else []
+        if alike:
+            nearest = min(alike, key=lambda i: abs(approximate.value[i] - root))
+            value[nearest] = root
+            left.remove(nearest)
+    order = np.lexsort((-value.real, value.imag))
+    return Poles(value[order], approximate.right[:, order], approximate.left[:, order], approximate.uncertain[order])
