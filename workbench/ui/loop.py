@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from workbench.core.values.linear import Linear, LinearPart
     from workbench.core.values.margins import Margins
     from workbench.loops.loop.result import LinearLoop
+    from workbench.point.lin.result import DelayFreePart
 
 __all__ = ["loop_told", "margins_at"]
 
@@ -87,6 +88,8 @@ def margins_at(loop: LinearLoop, gain: float) -> Margins:
     from workbench.loops.loop.stability import stability_of, unknown  # noqa: PLC0415
     from workbench.loops.nyquist.level_crossings import gain_crossings  # noqa: PLC0415
 
+    if loop.lin.delayed is not None:
+        return _margins_with_delays(loop.lin.delayed.negated().scaled(gain), loop.transfer.scaled(gain))
     own, transfer = loop.margins, loop.transfer.scaled(gain)
     stability = stability_of(transfer)
     several = any(math.isnan(c.delay_s) for c in own.gain_crossovers)  # the signal acts several times in a period
@@ -99,6 +102,12 @@ def margins_at(loop: LinearLoop, gain: float) -> Margins:
         peak_sensitivity=math.nan, peak_sensitivity_hz=math.nan, peak_complementary=math.nan,
         peak_complementary_hz=math.nan,
     )  # fmt: skip
+
+
+def _margins_with_delays(exact: DelayFreePart, transfer: LinearPart) -> Margins:
+    from workbench.loops.loop.delayed_loop import delayed_margins, delayed_stability  # noqa: PLC0415 - as above
+
+    return replace(delayed_margins(exact, delayed_stability(exact, transfer)), disk=None)
 
 
 def _poles(model: Linear) -> dict[str, Any]:

@@ -4,17 +4,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 
 from workbench.core.records.record import RecordPart, entry
-from workbench.core.values.linear import LinearPart
+from workbench.core.values.linear import Linear, LinearPart
 from workbench.core.values.poles import ON_BORDER, growth_rates, sides
+from workbench.errors import InputError
 from workbench.loops.nyquist.crossings import SAME, axis_crossings
+from workbench.point.lin.delay_roots import count_right_of
+from workbench.point.lin.result import DelayFreePart
 
-__all__ = ["CriticalGain", "Interval", "count_poles", "crossings", "fixed_modes", "intervals", "stable_gains"]
+__all__ = [
+    "CriticalGain",
+    "Interval",
+    "count_poles",
+    "crossings",
+    "fixed_modes",
+    "intervals",
+    "stable_gains",
+    "with_delays",
+]
 
 _WITHIN = (0.03, 0.5, 0.97)  # where in an interval the poles are counted
 _OUTSIDE = (1.05, 2.0, 30.0)  # times the last crossing, where it is open on one side
@@ -141,6 +153,31 @@ def count_poles(plant: LinearPart, gain: float) -> tuple[int, int]:
     rounding = 10.0 * np.finfo(float).eps * float(np.linalg.norm(closed)) if len(closed) else 0.0
     beyond, on = sides(np.linalg.eigvals(closed), plant.dt, relative=ON_BORDER, rounding=rounding)
     return int(np.sum(beyond)), int(np.sum(on))
+
+
+def with_delays(parts: Sequence[Interval], delayed: DelayFreePart) -> list[Interval]:
+    """Return intervals with the poles counted anew, transport delays as they are; the most that any place in each has.
+
+    Args:
+        parts: of Padé approximations.
+        delayed: G with its delays taken out.
+    """
+    return [_recounted(part, delayed) for part in parts]
+
+
+def _recounted(part: Interval, delayed: DelayFreePart) -> Interval:
+    plant, counts = Linear(delayed.A, delayed.B, delayed.C, delayed.D), []
+    for gain in _inside(part.low, part.high):
+        try:
+            closed = plant.with_feedback(gain)
+        except InputError:
+            continue
+        whole = DelayFreePart(closed.A, closed.B, closed.C, closed.D, delayed.times)
+        counts.append(count_right_of(whole).number)
+    known = [int(c) for c in counts if math.isfinite(c)]
+    unsure = len(known) < len(counts) or not counts
+    unstable = max(known, default=part.unstable)
+    return replace(part, unstable=unstable, border=max(part.border, int(unsure)), certain=len(set(counts)) == 1)
 
 
 def _counted(plant: LinearPart, low: float, high: float) -> Interval:

@@ -21,7 +21,15 @@ from workbench.limit_cycles.feedback.actuator import Actuator, in_unit, limited,
 from workbench.limit_cycles.feedback.block import TwoPorts, cut_at, find_block
 from workbench.limit_cycles.feedback.closed_system import SEEN, ControlLaw, FeedbackPath, find_place
 from workbench.limit_cycles.feedback.closing_run import feedback_run
-from workbench.limit_cycles.feedback.gains import Interval, count_poles, crossings, fixed_modes, intervals, stable_gains
+from workbench.limit_cycles.feedback.gains import (
+    Interval,
+    count_poles,
+    crossings,
+    fixed_modes,
+    intervals,
+    stable_gains,
+    with_delays,
+)
 from workbench.limit_cycles.feedback.initial_motion import InitialMotion, initial_motion
 from workbench.limit_cycles.feedback.locus import fastest
 from workbench.limit_cycles.feedback.request import Feedback, Range
@@ -100,6 +108,8 @@ class _FeedbackAnalysis:
         plant = result.part().balanced()
         every = crossings(plant)
         parts = intervals(plant, [c.gain for c in every])
+        if result.delayed is not None:
+            parts = with_delays(parts, result.delayed)
         middles = [0.5 * (i.low + i.high) for i in parts if math.isfinite(i.low) and math.isfinite(i.high)]
         ends = [2.0 * c.gain for c in every] or [1.0, -1.0]
         stable = stable_gains(parts, self.asked.gains)

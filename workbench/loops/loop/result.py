@@ -197,7 +197,7 @@ class LinearLoop(RecordPart):
 
     Attributes:
         lin: of the opened system, from the signal passed on to the signal returned: minus L.
-        transfer: L; transport delays are Padé approximations here, but not in `response`, the stability and the margins.
+        transfer: L; transport delays are Padé approximations here, not in `response`, the stability and the margins.
         stability: of the closed loop.
         margins: of L, exact.
         notes: one line each.

@@ -50,6 +50,8 @@ def disk_margins(
     with injected_at(model, wheres, point=point) as (opened, places, notes):
         n, more = difference(opened, len(places), point, method)
     words = (*notes, *more)
+    if n is None:
+        return (), (*words, "there are transport delays: common disk margins would be those of approximations")
     if n.dt > 0.0 and not all(p.discrete for p in places):
         return (), (*words, "a signal that is opened acts between the samples: there are no common disk margins")
     if not n.is_stable:
@@ -60,8 +62,8 @@ def disk_margins(
 
 def difference(
     opened: DescribedModel, count: int, point: OperatingPoint | None, method: str
-) -> tuple[Linear, tuple[str, ...]]:
-    """Return S - T of the loops of a system into which signals are injected, and notes.
+) -> tuple[Linear | None, tuple[str, ...]]:
+    """Return S - T of the loops of a system into which signals are injected, and notes; None: it has transport delays.
 
     Args:
         opened: see `injected_at`.
@@ -76,6 +78,8 @@ def difference(
         outputs=[f"{name}.{k}" for name in (RETURNED, PASSED) for k in numbers],
         x0=x, u0=u, time=None if point is None else point.time, method=method, in_process=True,
     )  # fmt: skip
+    if linear.delayed is not None:
+        return None, linear.notes
     c, d = linear.C[:count] + linear.C[count:], linear.D[:count] + linear.D[count:]
     return Linear(linear.A, linear.B, c, d, dt=linear.dt), linear.notes
 

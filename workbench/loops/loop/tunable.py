@@ -175,6 +175,8 @@ def tunable_loop(
         rest = linear_between(
             opened, inputs, list(outputs), x=x, u=u, time=cut.time, in_process=in_process
         )  # fmt: skip
+    if rest.delayed is not None:
+        raise InputError("the loop has transport delays: it is linearised as a whole")
     if rest.dt > 0.0:
         raise InputError(f"{cut.model.name}: the loop is sampled; it cannot be linearised without its blocks")
     known = {c.name: c for c in cut.model.system.components}

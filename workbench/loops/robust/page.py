@@ -34,6 +34,8 @@ def robust_page(result: RobustResult) -> Page:
 
 def _lead(result: RobustResult) -> str:
     s = result.stability
+    if s.approximate:
+        return "Whether it is stable for all parameters in their ranges is not known: it has transport delays."
     if s.verdict == "stable":
         parts = f", proved in {s.boxes} parts" if s.boxes > 1 else ""
         return f"Stable for all parameters in their ranges{parts}."
@@ -52,7 +54,8 @@ def _between(lower: float, upper: float, up_to: float) -> str:
 def _verdicts(result: RobustResult) -> list[Verdict]:
     s = result.stability
     gap = f" (gap {100.0 * (1.0 - s.lower / s.upper):.2g} %)" if math.isfinite(s.upper) and s.upper > 0.0 else ""
-    verdicts = [Verdict(s.verdict, _between(s.lower, s.upper, s.up_to) + gap)]
+    of = "with Padé approximations of the delays: " if s.approximate else ""
+    verdicts = [Verdict(s.verdict, of + _between(s.lower, s.upper, s.up_to) + gap)]
     gain = result.worst_gain
     if gain is not None and not result.disk_margins:
         word = "good" if math.isfinite(gain.upper) else "unknown"

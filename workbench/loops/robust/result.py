@@ -47,6 +47,7 @@ class RobustMargin(RecordPart):
         up_to: multiple up to which was looked.
         boxes: parts into which the ranges were divided for the proof.
         worst: the smallest unstable parameter set that was found; else that in the ranges with the slowest pole.
+        approximate: transport delays are Padé approximations in all of this, which decides nothing of the model.
     """
 
     lower: float
@@ -54,6 +55,7 @@ class RobustMargin(RecordPart):
     up_to: float
     boxes: int
     worst: WorstPlace
+    approximate: bool = False
 
     def derived(self) -> dict[str, Any]:
         """Return the verdict: "stable", "unstable", or "unknown"."""
@@ -62,6 +64,8 @@ class RobustMargin(RecordPart):
     @property
     def verdict(self) -> str:
         """On the ranges as they are given."""
+        if self.approximate:
+            return "unknown"
         if self.lower >= 1.0:
             return "stable"
         return "unstable" if self.upper <= 1.0 else "unknown"

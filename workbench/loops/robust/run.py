@@ -117,6 +117,13 @@ def _analysed(
             f"robust: {model.name} is not stable in the middle of the ranges (pole {words:.4g}); choose ranges around "
             "a stable point, or hold what drifts, as by a loop around it"
         )
+    exact = family.centre.delay_roots
+    if exact is not None and exact.right.number != 0.0:
+        words = exact.right.why or f"{exact.right.number:g} poles in the right half-plane"
+        raise InputError(
+            f"robust: {model.name} is not known to be stable in the middle of the ranges, its transport delays as they "
+            f"are: {words}; choose ranges around a stable point"
+        )
     margin = proved_margin(family, _most(request, family.parameters, model))
     stability, parts, whole = _stability(family, margin, request)
     gain = None
@@ -209,7 +216,9 @@ def _stability(
     else:
         worst = worst_place(family, found)
     up_to = margin.most
-    return RobustMargin(lower=lower, upper=size, up_to=up_to, boxes=count, worst=worst), parts, whole
+    approximate = family.centre.delayed is not None
+    result = RobustMargin(lower=lower, upper=size, up_to=up_to, boxes=count, worst=worst, approximate=approximate)
+    return result, parts, whole
 
 
 def _growth(place: WorstPlace, dt: float) -> float:
@@ -268,7 +277,10 @@ def _told(family: UncertainFamily, whole: UncertainModel) -> list[str]:
     centre = family.centre
     notes = list(centre.notes)
     if centre.delayed is not None:
-        notes.append("transport delays are Padé approximations here: what is proved, is proved of these")
+        notes.append(
+            "transport delays are Padé approximations here: the bounds are of these, and decide nothing of the delays "
+            "as they are, with which the model is stable in the middle of the ranges"
+        )
     if whole.neglected > 0.3:
         notes.append(
             f"{whole.neglected:.0%} of what the parameters do over their ranges is no fraction of low rank: the "

@@ -10,8 +10,8 @@ so that over a stretch with ‖X‖ ≤ 1/2 the turn of h is known within half a
 Stretches are halved until that holds. Beyond R, the spectral radius of |A| + |B₂|(I − |D₂₂|)⁻¹|C₂| (Perron), the series
 of ln(h/sⁿ) converges in the whole half-plane, which closes the contour without a walk.
 
-Source: L. V. Ahlfors, Complex Analysis, 3rd ed., 5.2 (argument principle); J. K. Hale, S. M. Verduyn Lunel, Introduction
-to Functional Differential Equations, 1993, ch. 1 and 9 (retarded and neutral equations).
+Source: L. V. Ahlfors, Complex Analysis, 3rd ed., 5.2 (argument principle); J. K. Hale, S. M. Verduyn Lunel,
+Introduction to Functional Differential Equations, 1993, ch. 1 and 9 (retarded and neutral equations).
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.core.values.arrays import Complex, Floats
+from workbench.core.values.large import is_large
 from workbench.core.values.matrices import balance
 from workbench.point.lin.result import DelayFreePart
 
@@ -33,6 +34,9 @@ _MOST = 200_000  # stretches: more take longer than a minute
 _CHUNK = 4_000_000  # entries of matrices at a time
 _OUT = 1.5  # times the radius beyond which no root lies: where the contour is closed
 _NEWTON = 40
+_LISTED = 3  # groups of poles of one real part that are proved to be the rightmost
+_ASIDE = 0.01  # of its size: so far left of the last root that was found a line is, too
+_APART = 1e-4  # of a root's size: lines nearer to a root than half of this take long to count along
 _EPS = float(np.finfo(np.float64).eps)
 
 
@@ -57,14 +61,14 @@ class DelayRoots:
 
     Attributes:
         right: number of poles right of the imaginary axis; see `RootCount`.
-        roots: poles found, rightmost first, both of a pair, shape (k,) [1/s]; no list of all, there are infinitely many.
-        all_right: no pole lies right of the first of `roots` (by more than a millionth of its size), proved.
+        roots: poles found, rightmost first, both of a pair, shape (k,) [1/s]; not all: there are infinitely many.
+        complete_to: right of this no pole is missing from `roots`, proved [1/s]; infinite: nothing is proved.
         border: a pole is on the imaginary axis, as far as is known.
     """
 
     right: RootCount
     roots: Complex
-    all_right: bool
+    complete_to: float
     border: bool
 
 
@@ -149,8 +153,10 @@ def count_right_of(part: DelayFreePart, sigma: float = 0.0) -> RootCount:
         part: the model.
         sigma: σ [1/s].
     """
-    h = _Characteristic(part, sigma)
     nothing = np.zeros(0, dtype=np.complex128)
+    if is_large(part.A, 0.0):
+        return RootCount(math.nan, "the model is too large for its delays to be counted with", nothing)
+    h = _Characteristic(part, sigma)
     through = h.through()
     if through >= 1.0:
         own = np.abs(np.diag(h.into[h.n :])) * h.still
@@ -265,16 +271,22 @@ def delay_roots(part: DelayFreePart, near: Complex) -> DelayRoots:
     h = _Characteristic(part, 0.0)
     known = _RELATIVE * np.abs(roots) + 100.0 * _EPS * h.size
     border = bool(np.any(np.abs(roots.real) <= known))
-    proved = False
-    if len(roots):
-        beside = roots[0].real + 10.0 * (_RELATIVE * abs(roots[0]) + 100.0 * _EPS * h.size)
-        beyond = count_right_of(part, float(beside))
-        proved = beyond.number == 0.0
-        if beyond.number > 0.0:
-            roots = _refined(part, np.concatenate([roots, beyond.seeds]))
-            beside = roots[0].real + 10.0 * (_RELATIVE * abs(roots[0]) + 100.0 * _EPS * h.size)
-            proved = count_right_of(part, float(beside)).number == 0.0
-    return DelayRoots(right, roots, proved, border)
+    complete = 0.0 if right.number == float(np.sum(roots.real > 0.0)) else math.inf
+    for line in _gaps(roots):
+        counted = count_right_of(part, line)
+        if counted.number != float(np.sum(roots.real > line)):
+            roots = _refined(part, np.concatenate([roots, counted.seeds]))
+        if counted.number != float(np.sum(roots.real > line)):
+            break
+        complete = line
+    return DelayRoots(right, roots, complete, border)
+
+
+def _gaps(roots: Complex) -> list[float]:
+    """Return lines left of the first roots, each in the middle between two of different real parts, or beside the last."""
+    real = np.append(roots.real, roots.real[-1:] - 2.0 * _ASIDE * np.abs(roots[-1:]))
+    apart = np.flatnonzero(real[:-1] - real[1:] > _APART * np.abs(roots))[:_LISTED]
+    return (0.5 * (real[apart] + real[apart + 1])).tolist()
 
 
 def _refined(part: DelayFreePart, near: Complex) -> Complex:

@@ -88,7 +88,21 @@ def _motion(result: LinResult) -> list[str]:
         words.append(
             f"The oscillation{among} damped least is at {frequency:.4g} Hz (natural), damping ratio {ratio:.3g}."
         )
-    return [text for text in words if text]
+    return [text for text in (*words, *_with_delays(result)) if text]
+
+
+def _with_delays(result: LinResult) -> list[str]:
+    """Return in words what the delays themselves make of the stability; the poles are of their approximations."""
+    found = result.delay_roots
+    if found is None:
+        return []
+    if found.border or np.isnan(found.right.number):
+        why = found.right.why or "a pole is on the border"
+        return [f"With the delays as they are, whether it is stable is not known: {why}."]
+    if not found.right.number:
+        return ["With the delays as they are, it is stable."]
+    many = "infinitely many poles" if np.isinf(found.right.number) else counted(int(found.right.number), "pole")
+    return [f"With the delays as they are, {many} in the right half-plane."]
 
 
 def _facts(result: LinResult) -> dict[str, str]:

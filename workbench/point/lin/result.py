@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +19,9 @@ from workbench.core.values.matrices import resolvent
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.core.values.poles import pole_keys
 from workbench.show.result import Result
+
+if TYPE_CHECKING:
+    from workbench.point.lin.delay_roots import DelayRoots
 
 __all__ = ["DelayFreePart", "Doubt", "Intersample", "LinResult", "Zero"]
 
@@ -128,8 +132,16 @@ class DelayFreePart(RecordPart):
 
     def negated(self) -> DelayFreePart:
         """Return the model with its inputs turned over, those from the delays as they are."""
+        return self.scaled(-1.0)
+
+    def scaled(self, factor: float) -> DelayFreePart:
+        """Return the model with a factor on its inputs, those from the delays as they are.
+
+        Args:
+            factor: the same for all.
+        """
         turned = np.ones(self.D.shape[1])
-        turned[: -len(self.times)] = -1.0
+        turned[: -len(self.times)] = factor
         return replace(self, B=self.B * turned, D=self.D * turned)
 
 
@@ -215,6 +227,13 @@ class LinResult(Linear, Result):
             return self.slowest_poles
         return poles_about(self.A, self.about_hz)
 
+    @cached_property
+    def delay_roots(self) -> DelayRoots | None:
+        """The rightmost poles with transport delays as they are; None: there are no delays."""
+        from workbench.point.lin.delay_roots import delay_roots  # noqa: PLC0415 - it needs `DelayFreePart`
+
+        return None if self.delayed is None else delay_roots(self.delayed, self.poles)
+
     def fundamental(self, frequency_hz: Floats) -> Complex:
         """Return what a frequency response measured with sines would show, shape (k, q, m).
 
@@ -286,12 +305,21 @@ class LinResult(Linear, Result):
                 those nearest to this frequency [Hz].
             natural_frequency_hz, damping, damped_frequency_hz: of each pole; `null`: a delay, or no
                 damping ratio at 0.
+            delay_poles: of a model with transport delays, its rightmost poles with the delays as they are,
+                pairs; `poles` are those of the Padé approximations. Empty: there are no delays.
+            delay_poles_complete_to: real part right of which `delay_poles` are proved to be all [1/s];
+                `null`: nothing is proved, or there are no delays.
             x0, u0, y0, discrete0, dx0, time: the point.
         """
         point = self.operating_point
         at = {"x0": point.x, "u0": point.u, "y0": point.y, "discrete0": point.discrete, "dx0": point.dx}
         poles = {"poles": self.shown_poles, "all_poles": self.shows_all_poles}
-        return {**poles, **pole_keys(self.shown_poles, self.dt), **at, "time": point.time}
+        exact = self.delay_roots
+        delays = {
+            "delay_poles": np.zeros(0, dtype=np.complex128) if exact is None else exact.roots,
+            "delay_poles_complete_to": None if exact is None or exact.complete_to == math.inf else exact.complete_to,
+        }
+        return {**poles, **pole_keys(self.shown_poles, self.dt), **delays, **at, "time": point.time}
 
     @classmethod
     def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:

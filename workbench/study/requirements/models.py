@@ -27,12 +27,25 @@ class _OfPoles(Limited):
     band: list[Annotated[float, Field(ge=0.0)]] | None = Field(default=None, min_length=2, max_length=2)
 
     def values(self, result: Result) -> list[Value]:
-        every = moving_poles(result)
+        every = self.known(result)
         low, high = self.band or (0.0, math.inf)
         chosen = [p for p in every if low <= _hz(p) <= high and p.imag >= 0.0]
         if not chosen:
             raise NotMeasured("the model has no pole there")
         return [self.value(p) for p in chosen]
+
+    def known(self, result: Result) -> list[complex]:
+        """Return the poles; of a model with transport delays the rightmost, proved to be all, delays as they are.
+
+        Raises:
+            NotMeasured: nothing is proved of them.
+        """
+        exact, line = result.get("delay_poles"), result.get("delay_poles_complete_to")
+        if result.get("delayed") is None:
+            return moving_poles(result)
+        if line is None or not exact:
+            raise NotMeasured("the model has transport delays, and its poles with them are not known")
+        return moving_poles({**result, "poles": [p for p in exact if p[0] > line]})
 
     def value(self, pole: complex) -> Value:
         """Return the number of one pole [rad/s]."""

@@ -45,7 +45,10 @@ class TransferNorm(Limited):
     def values(self, result: Result) -> list[Value]:
         from workbench.point.lin.result import LinResult  # noqa: PLC0415 - slow to import
 
-        return [self.norm(self.part(LinResult.from_dict(result)))]
+        linear = LinResult.from_dict(result)
+        if linear.delayed is not None:
+            raise NotMeasured("the model has transport delays: a norm of their approximations is not that of the model")
+        return [self.norm(self.part(linear))]
 
     def norm(self, system: Linear) -> Value:
         """Return the norm.
