@@ -24,6 +24,7 @@ from workbench.core.values.margins import GainCrossover, Margins, PhaseCrossover
 from workbench.core.values.matrices import resolvent
 from workbench.loops.loop.stability import ClosedLoopStability
 from workbench.point.lin.kalman_bertram import period_map
+from workbench.point.lin.period_slopes import slopes_of
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.task import LinTask
 
@@ -83,6 +84,7 @@ def lifted(task: LinTask, result: LinResult) -> Lifted | None:
     at = [int(np.abs(inner.tau - t).argmin()) for t in instants]
     if not (inner.sampled or _stands(inner.C[:, :, 0], inner.D[:, :, 0], at)):
         return None
+    slopes_of(setting)  # for its widths
     keep = [setting.names.index(name) for name in result.state_names]
     pulses = [setting.pulse(k) for k in range(len(instants))]
     B = np.column_stack([x[keep] for x, _ in pulses])

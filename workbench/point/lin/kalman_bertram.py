@@ -15,6 +15,7 @@ from workbench.model.names import declared_units
 from workbench.model.sample_rates import NoRatesError, Rates, rates_of
 from workbench.point.lin.columns import AGREE
 from workbench.point.lin.period_map import SampledPeriodMap
+from workbench.point.lin.period_slopes import slopes_of
 from workbench.point.lin.result import Doubt, Intersample, LinResult
 from workbench.point.lin.task import LinTask, moving_note, no_equations, open_base
 from workbench.point.lin.zero_entries import LargePerturbation, zeros_of
@@ -78,21 +79,10 @@ def period_map(task: LinTask) -> tuple[SampledPeriodMap, Rates]:
         return SampledPeriodMap(task, point, rates.start(task.time), rates.period, rates.ticks), rates
 
 
-def _slopes(setting: SampledPeriodMap) -> tuple[Floats, Floats]:
-    """Return the slopes of the states, shape (n, n + m), and of the outputs, shape (k, 2, q, n + m)."""
-    slopes_x, slopes_y = [], []
-    for unit, width in zip(np.eye(len(setting.names)), setting.widths.tolist(), strict=True):
-        (x1, y1), (x0, y0) = (setting.run(s * 0.5 * width * unit) for s in (1.0, -1.0))
-        slopes_x.append((x1 - x0) / width)
-        slopes_y.append((y1 - y0) / width)
-    dx = np.array(slopes_x).T.reshape(len(setting.states), len(setting.names))
-    return dx, np.moveaxis(np.array(slopes_y), 0, -1)
-
-
 def _linearise(setting: SampledPeriodMap, rates: Rates) -> LinResult:
     n = len(setting.states)
-    dx, dy = _slopes(setting)
-    jacobian = np.vstack([dx, dy[0, 0]])
+    slopes = slopes_of(setting)
+    dx, dy, jacobian = slopes.dx, slopes.dy, slopes.jacobian
     keep = _influential(dx[:, :n], dy[..., :n], setting.continuous)
     result = _result(setting, dx, dy, keep)
     reach = LargePerturbation.none(setting.rows, setting.names)
@@ -102,8 +92,8 @@ def _linearise(setting: SampledPeriodMap, rates: Rates) -> LinResult:
     return replace(
         result,
         zeros=zeros_of(result, reach),
-        doubts=(*_check(setting, jacobian), *(d for d in setting.flat(reach) if d.row in known)),
-        notes=_notes(setting, keep, rates),
+        doubts=(*slopes.doubts, *_check(setting, jacobian), *(d for d in setting.flat(reach) if d.row in known)),
+        notes=(*_notes(setting, keep, rates), *slopes.notes),
     )
 
 

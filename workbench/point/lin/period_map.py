@@ -10,8 +10,9 @@ import numpy as np
 
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
+from workbench.fmi.variable import FLOAT_TYPES
 from workbench.model.repetition import BEFORE
-from workbench.point.lin.columns import Columns, relative_width, size_of, total_width
+from workbench.point.lin.columns import UNDECLARED, Columns, relative_width, size_of, total_width
 from workbench.point.lin.task import LinTask, columns_of, width_for
 from workbench.point.scales import INTEGRATION
 from workbench.session.base import Recorded
@@ -45,6 +46,7 @@ class SampledPeriodMap(Columns):
         states: continuous states, then discrete ones.
         continuous: number of continuous states.
         variables: states, then the chosen inputs.
+        unscaled: those whose width nothing in the model tells: no nominal value, and no value beyond the least scale.
         point_values: of them at the point, shape (k,).
         grid: sample times of the output, shape (k + 1,), absolute [s].
         instants: times since the start at which anything samples, 0 first, shape (s,) [s].
@@ -71,6 +73,8 @@ class SampledPeriodMap(Columns):
         relative = relative_width(INTEGRATION if point.states else float(np.finfo(float).eps))
         both = list(zip(self.variables, self.point_values.tolist(), strict=True))
         self.widths = np.where(np.isnan(given), [total_width(v, x, relative) for v, x in both], given)
+        silent = [v.nominal is None and v.type in FLOAT_TYPES and abs(x) <= UNDECLARED for v, x in both]
+        self.unscaled = np.isnan(given) & np.array(silent, dtype=bool)
         self.sizes = np.array([size_of(v, x) for v, x in both])
         self.chosen = np.ones(len(both), dtype=bool)
         self.instants = np.append(0.0, _inside(period, ticks - start))
