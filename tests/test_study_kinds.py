@@ -271,8 +271,9 @@ def test_the_phase_of_a_linear_model_begins_in_its_own_turn() -> None:
     assert find("phase", lead, frequency=1.0, max=180.0).value == pytest.approx(
         180.0 - 2.0 * math.degrees(math.atan(w))
     )
+    turned = 2.0 * math.degrees(math.atan(w))
     right = of_fraction([-1.0, 1.0], [1.0, 1.0])  # a zero at the right turns as a pole at the left
-    assert find("phase", right, frequency=1.0, max=0.0).value == pytest.approx(-2.0 * math.degrees(math.atan(w)))
+    assert find("phase", right, frequency=1.0, max=0.0).value == pytest.approx(-turned)
     undamped = of_fraction([1.0], [1.0, 0.0, 1.0])
     assert find("phase", undamped, frequency=1.0, max=0.0).value == pytest.approx(-180.0)
     # Poles of damping 1e-9 turn by half a turn each, however narrow.

@@ -79,8 +79,14 @@ equal = true
 RING = """
 models.m = "ring.toml"
 [analyses]
-usual = {{command = "simulate", model = "m", stop = 40.0, input = {{u = "step:time=0,value=1"}}, output = ["y"]}}
-coarse = {{command = "simulate", model = "m", stop = 40.0, step = 0.08, input = {{u = "step:time=0,value=1"}}, output = ["y"]}}
+usual = {command = "simulate", model = "m", stop = 40.0, input = {u = "step:time=0,value=1"}, output = ["y"]}
+[analyses.coarse]
+command = "simulate"
+model = "m"
+stop = 40.0
+step = 0.08
+input = {u = "step:time=0,value=1"}
+output = ["y"]
 [[requirements]]
 name = "usual"
 analysis = "usual"
@@ -122,10 +128,11 @@ def ring_system() -> tuple[str, float]:
 def test_an_oscillation_that_all_rows_meet_at_one_phase_is_seen(tmp_path: Path) -> None:
     text, overshoot = ring_system()
     (tmp_path / "ring.toml").write_text(text, encoding="utf-8")
-    found = wb.run_study(study(tmp_path, RING.format()), store=None, jobs=1)
+    found = wb.run_study(study(tmp_path, RING), store=None, jobs=1)
     usual, coarse, peak = (next(c.finding for c in found.checked if c.name == n) for n in ("usual", "coarse", "peak"))
-    assert (usual.value, usual.passed) == (pytest.approx(overshoot, abs=0.02), False)
-    assert peak.value == pytest.approx(1.0 + overshoot / 100.0, abs=2e-4)
+    # Over 500 swings the tolerance of the solver leaves 0.03 %; with steps of 1 ms, too.
+    assert (usual.value, usual.passed) == (pytest.approx(overshoot, abs=0.05), False)
+    assert peak.value == pytest.approx(1.0 + overshoot / 100.0, abs=5e-4)
     # Rows that were asked for are kept; what they leave out decides that nothing is known.
     assert not coarse.passed
     assert "which lies between the rows" in coarse.reason

@@ -74,7 +74,7 @@ class _OfHistory(Limited):
             raise InputError(
                 f'{self.name}: the record has {len(outputs)} outputs, {listed}; name one, as in output = "{outputs[0]}"'
             )
-        return outputs[0]
+        return str(outputs[0])
 
     def history(self, result: Result) -> _History:
         """Return the signal from `after` on.
