@@ -154,6 +154,7 @@ class Study:
         approvals: who has to agree.
         sha256: of the file.
         envelope: parameters that spread, in place of a grid; None: it has none.
+        between: names of analyses whose rows a requirement reads between → whether nothing else reads them.
     """
 
     name: str
@@ -170,6 +171,7 @@ class Study:
     approvals: tuple[Approval, ...] = ()
     sha256: str = ""
     envelope: Envelope | None = None
+    between: Mapping[str, bool] = field(default_factory=dict)
 
     @property
     def folder(self) -> Path:

@@ -179,6 +179,7 @@ class Execution:
             csv=run.analysis.name if run.wants else "",
             confine=self._confine,
             files=run.subject["files"],
+            rows=run.rows,
         )
 
     def _own(self, run: PlannedRun, workplace: Path) -> dict[str, Any]:

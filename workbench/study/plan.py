@@ -41,6 +41,8 @@ class PlannedRun:
         subject: what the result depends on, but the options: for the store.
         key: the options, and all that those referred to depend on: for the store.
         files: that the run writes by its own options.
+        rows: "more": a time history is read between its rows, and gets as many as it needs; "told": it keeps those that
+            were asked for, and says what they leave out; empty: neither.
     """
 
     analysis: StudyAnalysis
@@ -53,6 +55,7 @@ class PlannedRun:
     subject: Mapping[str, Any]
     key: str
     files: tuple[Path, ...]
+    rows: str = ""
 
     @property
     def label(self) -> str:
@@ -203,14 +206,25 @@ class _Planner:
             asks = analysis.command.asks(options)
         hashes = self._hashes(models, [word for word in words if not _writes(word)])
         subject = {**self._common, "command": analysis.command.name, "files": hashes}
+        rows = self._rows(analysis, options, wants)
+        asks |= {"rows": [rows]} if rows else {}
         key = _key({"models": [str(model.model) for model in models], "options": asks}, wants, needs)
         identity = json.dumps([subject, key], sort_keys=True)
         if identity not in self._runs:
             self._runs[identity] = PlannedRun(
                 analysis=analysis, point=part, models=models, options=options, words=words, wants=wants,
                 needs=needs, subject=subject, key=key, files=tuple(self._study.folder / p for p in files.values()),
+                rows=rows,
             )  # fmt: skip
         return self._runs[identity]
+
+    def _rows(self, analysis: StudyAnalysis, options: Mapping[str, Any], wants: Sequence[str]) -> str:
+        """Return how the rows of a time history are to be, see `PlannedRun`."""
+        if analysis.name not in self._study.between:
+            return ""
+        others = [r.analysis for references in self._references.values() for r in references]
+        free = self._study.between[analysis.name] and analysis.name not in others and not wants
+        return "more" if free and not {"step", "csv", "mat"} & set(options) else "told"
 
     def _wanted(self, name: str) -> Iterator[Reference]:
         for references in self._references.values():

@@ -274,12 +274,20 @@ def _study(path: Path, data: Mapping[str, Any], folder: Path) -> Study:
         revision=table.revision,
         approvals=tuple(Approval(role=a.role, name=a.name, date=a.date) for a in table.approvals),
         sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
+        between=_between(requirements),
     )
     if table.envelope is None:
         return study
     from workbench.study.envelope_table import read_envelope  # noqa: PLC0415 - few studies have one, and it is slow
 
     return replace(study, envelope=read_envelope(table.envelope, study))
+
+
+def _between(requirements: Sequence[Requirement]) -> dict[str, bool]:
+    """Return the analyses whose rows a requirement reads between → whether nothing else reads them."""
+    readers = [(name, r.between_rows) for r in requirements for name in r.analyses]
+    names = dict.fromkeys(name for name, between in readers if between)
+    return {name: all(between for other, between in readers if other == name) for name in names}
 
 
 # -- models ------------------------------------------------------------------------------------

@@ -26,6 +26,7 @@ from workbench.requests.call import origin_of_call
 from workbench.requests.request import Request, function
 from workbench.show.files_written import Written
 from workbench.show.result import page_of, write_report
+from workbench.study.between_rows import left_out, with_rows_between
 from workbench.study.commands import Command, command
 from workbench.study.plan import RunResult
 from workbench.system.load import open_file
@@ -51,6 +52,7 @@ class CommandJob:
         csv: name of the CSV file without suffix, where other analyses take it; empty: none is wanted.
         confine: whether its FMU is confined, whatever its own options say.
         files: that it depends on → SHA-256.
+        rows: of a time history, see `PlannedRun`.
     """
 
     number: int
@@ -63,6 +65,7 @@ class CommandJob:
     csv: str
     confine: bool = False
     files: Mapping[str, str] = field(default_factory=dict)
+    rows: str = ""
 
 
 def perform(_model: None, job: CommandJob) -> Iterator[RunResult]:
@@ -108,21 +111,35 @@ def _by_request(known: Command, job: CommandJob) -> RunResult:
     elif job.subject:
         given = job.subject[0]
     with _opened(request, given, loading, job) as (subject, model_notes):
-        record = request.run(subject, work)
+        record, more, unknown = _with_rows(request, subject, request.run(subject, work), job.rows)
         page = page_of(record, **written.told(written.drawn))
         seconds = round(time.monotonic() - begin, 3)
         head = {"command": request.command, "version": __version__, "seconds": seconds, "asked": asked_in_json(request)}
-        data = {**head, **record.to_dict()}
+        data = {**head, **record.to_dict(), **more}
         data = {key: plain(value) for key, value in data.items()}
         files = _write(record, written, job)
         if files:
             data["files"] = files
-        notes = tuple(dict.fromkeys([*model_notes, *work.notes, *page.notes]))
+        notes = tuple(dict.fromkeys([*model_notes, *work.notes, *page.notes, *unknown]))
         if written.report is not None:
             origin = origin_of_call(function(type(request)), (subject,), values_of(request), seconds=seconds)
             known_of = replace(origin, command=request.command, call=job.command_line, notes=notes, data=data)
             write_report(page, written.report, known_of)
     return RunResult(result=data, code=0 if request.went_well(record) else _NOT_WELL, notes=notes)
+
+
+def _with_rows(
+    request: Request[Any, Any],
+    model: object,
+    record: Any,  # noqa: ANN401 - of any class
+    rows: str,
+) -> tuple[Any, Mapping[str, Any], tuple[str, ...]]:
+    """Return a record with the rows that are needed, else what its rows leave out; and a note where nothing tells."""
+    if not rows:
+        return record, {}, ()
+    finer, note = with_rows_between(request, model, record)
+    notes = (note,) if note else ()
+    return (finer, {}, notes) if rows == "more" else (record, {"between_rows": left_out(record, finer)}, notes)
 
 
 # Models of analyses before, without any values set: what they were opened as. Nothing is ever run on these themselves.

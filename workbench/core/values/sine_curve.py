@@ -168,17 +168,19 @@ class SineCurve:
             frequency_hz: a `grid`, or a part of it with its ends, shape (k,).
             margin: frequencies → values.
         """
-        f, last = frequency_hz, len(frequency_hz) - 1
+        # Those that rounding alone tells apart would hide what lies beside them.
+        f = frequency_hz[np.append(np.diff(frequency_hz) > 8.0 * np.finfo(float).eps * frequency_hz[1:], True)]
+        last = len(f) - 1
         least = _with_least(margin(f)) if last > 0 else np.zeros(0, dtype=np.intp)
         if not len(least):
-            return f
+            return frequency_hz
         low, top, high = f[np.maximum(least - 1, 0)], f[least], f[np.minimum(least + 1, last)]
         parts, rows = np.linspace(0.0, 1.0, 2 * _PARTS + 1), np.arange(len(least))
         for _ in range(_ROUNDS):
             fine = low[:, None] * (high / low)[:, None] ** parts
             best = np.argmin(margin(fine.ravel()).reshape(fine.shape), axis=1)
             low, top, high = (fine[rows, k] for k in (np.maximum(best - 1, 0), best, np.minimum(best + 1, 2 * _PARTS)))
-        return np.unique(np.concatenate([f, top]))
+        return np.unique(np.concatenate([frequency_hz, top]))
 
 
 def _with_least(margin: Floats) -> NDArray[np.intp]:

@@ -142,6 +142,7 @@ class Requirement(TomlTable):
     model_config = ConfigDict(defer_build=True)
 
     commands: ClassVar[tuple[str, ...]] = ()
+    between_rows: ClassVar[bool] = False  # whether it reads a time history between its rows, too
 
     name: str = Field(min_length=1)
     analysis: str

@@ -280,7 +280,7 @@ def _of_model(result: Result, options: Mapping[str, Any]) -> list[Curve]:
 def moving_poles(result: Result) -> list[complex]:
     """Return the poles of a linear model as those of a continuous one [1/s].
 
-    Delays, near z = 0, and integrators are left out. An integrator is a pole that is 0 as far as rounding lets one know.
+    Delays, near z = 0, and integrators are left out: poles that are 0 as far as rounding lets one know.
     """
     from workbench.core.values.modal import at_rest  # noqa: PLC0415 - slow to import
 

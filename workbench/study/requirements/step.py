@@ -3,31 +3,43 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Annotated, ClassVar, NamedTuple
 
 from pydantic import Field
 
 from workbench.errors import InputError, suggest
-from workbench.study.requirements.base import Limited, NotMeasured, Result, Value
+from workbench.study.requirements.base import Compliance, Limited, NotMeasured, Result, Value, convert
 
 __all__ = ["FinalValue", "Overshoot", "PeakRequirement", "RiseTime", "SettlingTime"]
 
+_TOLD = 5e-6  # of a number that is shown with five digits: a smaller error is not seen
 _REST = 0.1  # the last tenth of the record tells whether the signal rests
 
 _Fraction = Annotated[float, Field(gt=0.0, lt=1.0)]
 
 
 class _History(NamedTuple):
-    """Times [s] after the step, values, and their unit."""
+    """Times [s] after the step, values, unit, and how far the signal is from the straight line behind each row."""
 
     time: Sequence[float]
     values: Sequence[float]
     unit: str | None
+    behind: Sequence[float]
+
+    @property
+    def bend(self) -> list[float]:
+        """How far the signal is from the straight lines on both sides of each row."""
+        return [max(before, behind) for before, behind in zip([0.0, *self.behind[:-1]], self.behind, strict=True)]
 
 
 class _OfHistory(Limited):
     """A number of a signal of `workbench simulate`.
+
+    Between two rows the signal is a parabola, as far as is known, or what the record says; what that adds to the number
+    is its error, and a limit within it is neither kept nor violated.
 
     Attributes:
         output: the signal; None: the only one recorded that is not an input.
@@ -35,6 +47,7 @@ class _OfHistory(Limited):
     """
 
     commands: ClassVar[tuple[str, ...]] = ("simulate",)
+    between_rows: ClassVar[bool] = True
 
     output: str | None = None
     after: float = 0.0
@@ -61,7 +74,7 @@ class _OfHistory(Limited):
             raise InputError(
                 f'{self.name}: the record has {len(outputs)} outputs, {listed}; name one, as in output = "{outputs[0]}"'
             )
-        return outputs[0]
+        return str(outputs[0])
 
     def history(self, result: Result) -> _History:
         """Return the signal from `after` on.
@@ -77,8 +90,70 @@ class _OfHistory(Limited):
             raise NotMeasured(
                 f"the record ends at {result['time'][-1]:g} s, before the signal changes after {self.after:g} s"
             )
-        time = [result["time"][k] for k in kept]
-        return _History(time, [signals[name][k] for k in kept], result["units"].get(name))
+        time, values = [result["time"][k] for k in kept], [signals[name][k] for k in kept]
+        behind = _bent(time, values)
+        told = result.get("between_rows", {}).get(name)
+        if told is not None:
+            behind = [max(b, told[k]) for b, k in zip(behind, kept, strict=True)]
+        return _History(time, values, result["units"].get(name), behind)
+
+    @abstractmethod
+    def number(self, history: _History, side: float) -> tuple[float, str]:
+        """Return the number and where it is.
+
+        Args:
+            history: of the signal.
+            side: 0: as the rows have it; ±1: as large or small as it may be with what lies between them.
+
+        Raises:
+            NotMeasured: the signal does not have it.
+        """
+
+    def values(self, result: Result) -> list[Value]:
+        history = self.history(result)
+        number, where = self.number(history, 0.0)
+        error = self._error(history, number)
+        words = f"± {error:.1g} between the rows" if error > _TOLD * abs(number) else ""
+        unit = self.units[0] if self.units else history.unit
+        return [Value(value=number, where=", ".join(filter(None, [where, words])), unit=unit)]
+
+    def _error(self, history: _History, number: float) -> float:
+        if not self.between_rows:
+            return 0.0
+        try:
+            return max(abs(self.number(history, side)[0] - number) for side in (1.0, -1.0))
+        except NotMeasured:
+            return math.inf
+
+    def find(self, results: Sequence[Result]) -> Compliance:
+        compliance = super().find(results)
+        if not compliance.passed or compliance.margin is None:
+            return compliance
+        history = self.history(results[0])
+        number = self.number(history, 0.0)[0]
+        error = self._error(history, number)
+        own = self.units[0] if self.units else history.unit
+        if self.unit is not None and error < math.inf:
+            error = abs(convert(number + error, own, self.unit, self.name) - convert(number, own, self.unit, self.name))
+        if error > compliance.margin:
+            raise NotMeasured(
+                f"{compliance.value_words} is known to ± {error:.2g} only, which lies between the rows, and the limit "
+                f"is {compliance.limit_words}: record more rows, by a smaller step"
+            )
+        return compliance
+
+
+def _bent(time: Sequence[float], values: Sequence[float]) -> list[float]:
+    """Return how far a parabola through three rows is from the straight line behind each row; not across events."""
+    curvature = [0.0] * len(time)
+    for k in range(1, len(time) - 1):
+        before, behind = time[k] - time[k - 1], time[k + 1] - time[k]
+        if before > 0.0 and behind > 0.0:
+            slopes = (values[k] - values[k - 1]) / before, (values[k + 1] - values[k]) / behind
+            curvature[k] = abs(slopes[1] - slopes[0]) / (0.5 * (before + behind))
+    return [
+        max(a, b) * (t1 - t0) ** 2 / 8.0 for (a, b), (t0, t1) in zip(pairwise(curvature), pairwise(time), strict=True)
+    ] + [0.0]
 
 
 def _index(time: Sequence[float], after: float) -> int:
@@ -111,8 +186,9 @@ class _OfStep(_OfHistory):
             raise NotMeasured("the signal does not move")
         if self.final is None:
             rest = history.time[-1] - _REST * (history.time[-1] - history.time[0])
-            tail = [v for t, v in zip(history.time, history.values, strict=True) if t >= rest]
-            if max(abs(v - last) for v in tail) > self.band * abs(final - begin):
+            rows = zip(history.time, history.values, history.bend, strict=True)
+            tail = [abs(v - last) + bend for t, v, bend in rows if t >= rest]
+            if max(tail) > self.band * abs(final - begin):
                 raise NotMeasured("the signal is not at rest at the end; simulate longer, or give the final value")
         return begin, final
 
@@ -122,20 +198,19 @@ class SettlingTime(_OfStep):
 
     units = ("s",)
 
-    def values(self, result: Result) -> list[Value]:
-        history = self.history(result)
+    def number(self, history: _History, side: float) -> tuple[float, str]:
         begin, final = self.ends(history)
         width = self.band * abs(final - begin)
-        errors = [abs(v - final) for v in history.values]
+        errors = [abs(v - final) + side * e for v, e in zip(history.values, history.bend, strict=True)]
         outside = [k for k, e in enumerate(errors) if e > width]
         if not outside:
-            return [Value(value=0.0, unit="s")]
+            return 0.0, ""
         k = outside[-1]
         if k + 1 == len(errors):
             raise NotMeasured(f"the signal does not stay within {100.0 * self.band:g} % until {history.time[-1]:g} s")
         part = (errors[k] - width) / (errors[k] - errors[k + 1])
         time = history.time[k] + part * (history.time[k + 1] - history.time[k])
-        return [Value(value=time - max(self.after, history.time[0]), where=f"t = {time:.4g} s", unit="s")]
+        return time - max(self.after, history.time[0]), f"t = {time:.4g} s"
 
 
 class Overshoot(_OfStep):
@@ -143,13 +218,15 @@ class Overshoot(_OfStep):
 
     units = ("%",)
 
-    def values(self, result: Result) -> list[Value]:
-        history = self.history(result)
+    def number(self, history: _History, side: float) -> tuple[float, str]:
         begin, final = self.ends(history)
-        beyond = [(v - final) / (final - begin) for v in history.values]
+        up = math.copysign(1.0, final - begin)
+        beyond = [
+            (up * (v - final) + max(side, 0.0) * more) / abs(final - begin)
+            for v, more in zip(history.values, _above([up * v for v in history.values], history.behind), strict=True)
+        ]
         k = max(range(len(beyond)), key=beyond.__getitem__)
-        where = f"t = {history.time[k]:.4g} s" if beyond[k] > 0.0 else ""
-        return [Value(value=100.0 * max(beyond[k], 0.0), where=where, unit="%")]
+        return 100.0 * max(beyond[k], 0.0), f"t = {history.time[k]:.4g} s" if beyond[k] > 0.0 else ""
 
 
 class RiseTime(_OfStep):
@@ -157,12 +234,21 @@ class RiseTime(_OfStep):
 
     units = ("s",)
 
-    def values(self, result: Result) -> list[Value]:
-        history = self.history(result)
+    def number(self, history: _History, side: float) -> tuple[float, str]:
         begin, final = self.ends(history)
-        parts = [(v - begin) / (final - begin) for v in history.values]
-        low, high = (_first(history.time, parts, level) for level in (0.1, 0.9))
-        return [Value(value=high - low, where=f"t = {low:.4g} to {high:.4g} s", unit="s")]
+        size = final - begin
+        low, high = (
+            _first(
+                history.time,
+                [
+                    (v - begin) / size + way * side * e / abs(size)
+                    for v, e in zip(history.values, history.bend, strict=True)
+                ],
+                level,
+            )
+            for level, way in ((0.1, 1.0), (0.9, -1.0))
+        )
+        return high - low, f"t = {low:.4g} to {high:.4g} s"
 
 
 def _first(time: Sequence[float], parts: Sequence[float], level: float) -> float:
@@ -177,17 +263,39 @@ def _first(time: Sequence[float], parts: Sequence[float], level: float) -> float
 class PeakRequirement(_OfHistory):
     """Largest absolute value of the signal."""
 
-    def values(self, result: Result) -> list[Value]:
-        history = self.history(result)
-        k = max(range(len(history.values)), key=lambda i: abs(history.values[i]))
-        return [Value(value=abs(history.values[k]), where=f"t = {history.time[k]:.4g} s", unit=history.unit)]
+    def number(self, history: _History, side: float) -> tuple[float, str]:
+        sizes = [
+            abs(v) + max(side, 0.0) * max(up, down)
+            for v, up, down in zip(
+                history.values, _above(history.values, history.behind),
+                _above([-v for v in history.values], history.behind), strict=True,
+            )
+        ]  # fmt: skip
+        k = max(range(len(sizes)), key=sizes.__getitem__)
+        return sizes[k], f"t = {history.time[k]:.4g} s"
+
+
+def _above(values: Sequence[float], bent: Sequence[float]) -> list[float]:
+    """Return by how much the largest value around each row is above it: that of a parabola through two neighbours.
+
+    Args:
+        values: of the signal.
+        bent: how far it is from the straight line behind each, in the middle.
+    """
+    result = [0.0] * len(values)
+    for k, ((v, w), d) in enumerate(zip(pairwise(values), bent, strict=False)):
+        if 4.0 * d > abs(w - v):
+            top = max(v, w) + (4.0 * d - abs(w - v)) ** 2 / (16.0 * d)
+            result[k], result[k + 1] = max(result[k], top - v), max(result[k + 1], top - w)
+    return result
 
 
 class FinalValue(_OfHistory):
     """Last value of the signal."""
 
-    def values(self, result: Result) -> list[Value]:
-        history = self.history(result)
+    between_rows: ClassVar[bool] = False
+
+    def number(self, history: _History, side: float) -> tuple[float, str]:
         if not math.isfinite(history.values[-1]):
             raise NotMeasured("the signal ends without a number")
-        return [Value(value=history.values[-1], where=f"t = {history.time[-1]:.4g} s", unit=history.unit)]
+        return history.values[-1], f"t = {history.time[-1]:.4g} s"

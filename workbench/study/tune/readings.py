@@ -5,18 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
 
 from workbench.core.values.arrays import Complex, Floats
-from workbench.core.values.decibels import unwrapped
 from workbench.core.values.linear import Linear, LinearPart
 from workbench.core.values.matrices import resolvent
+from workbench.core.values.modal import at_rest, uncertainty
 from workbench.core.values.poles import natural_frequency_hz
+from workbench.core.values.sine_curve import SineCurve
 from workbench.loops.loop.request import openings
 from workbench.study.requirements.base import Limited, Requirement, convert
+from workbench.study.requirements.curves import sine_curve
 from workbench.study.requirements.margins import (
     DelayMargin,
     DiskMarginRequirement,
@@ -31,7 +33,6 @@ from workbench.study.tune.family import Member
 
 __all__ = ["Distance", "closed_poles", "is_linear", "readings", "scale_of"]
 
-_AT_REST = 1e-9  # of the fastest pole: what rounding makes of an integrator
 _DENSE = 30  # frequencies per decade that are looked at, besides those around the poles
 _FINER = 5  # rounds in which the neighbourhood of a peak is divided by eight
 _FLAT = 1e-9  # relative: a maximum that rises by less is rounding
@@ -126,12 +127,12 @@ def _of_poles(
         band: natural frequencies that count [Hz]; None: all but integrators.
     """
     poles, left, right = member.poles
-    fastest = np.abs(poles).max(initial=0.0)
+    still = np.abs(poles) <= uncertainty(member.system.A, poles, left, right) if len(poles) else ()
     low, high = band or (0.0, math.inf)
     rows, columns = len(member.left), member.right.shape[1]
     for k, pole in enumerate(poles.tolist()):
         hz = float(natural_frequency_hz(pole))
-        if abs(pole) > _AT_REST * fastest and pole.imag >= 0.0 and low <= hz <= high:
+        if not still[k] and pole.imag >= 0.0 and low <= hz <= high:
             number, c = value(pole)
             weight = np.zeros((rows, columns))
             weight[: len(poles), : len(poles)] = np.real(c * np.outer(left[:, k].conj(), right[:, k]))
@@ -196,8 +197,8 @@ def _of_value(member: Member, hz: float, c: complex, row: int = 0, column: int =
 
 def _grid(system: Linear) -> Floats:
     """Return frequencies around the poles, rising [Hz]."""
-    rates = natural_frequency_hz(system.poles)
-    rates = rates[rates > _AT_REST * rates.max(initial=0.0)]
+    poles = system.poles
+    rates = natural_frequency_hz(poles[~at_rest(system.A, poles)])
     ends = (float(rates.min()) / 100.0, float(rates.max()) * 100.0) if len(rates) else (0.01, 100.0)
     broad = np.geomspace(ends[0], ends[1], int(_DENSE * math.log10(ends[1] / ends[0])))
     near = np.concatenate([rates * factor for factor in (0.97, 1.0, 1.03)])
@@ -352,14 +353,23 @@ def _derivative(member: Member, hz: float, place: tuple[int, int], quantity: str
 
 def _curve(member: Member, at: Sequence[float], place: tuple[int, int], quantity: str) -> tuple[Floats, Floats]:
     """Return frequencies and gain [dB] or phase [deg]."""
-    f = np.union1d(_grid(member.system), list(at))
+    f = np.union1d(_grid(member.system), _sines(member, place).grid(at))
     return f, _of_curve(member, f, place, quantity)
 
 
+@lru_cache(maxsize=32)
+def _sines(member: Member, place: tuple[int, int]) -> SineCurve:
+    """Return the response of one entry, with the poles and zeros that turn it."""
+    system, (row, column) = member.system, place
+    poles = system.poles[~at_rest(system.A, system.poles)]
+    return sine_curve(
+        system, lambda f: system.response(f)[:, row, column], poles=poles.tolist(), row=row, column=column
+    )
+
+
 def _of_curve(member: Member, f: Floats, place: tuple[int, int], quantity: str) -> Floats:
-    value = member.system.response(f)[:, place[0], place[1]]
-    value = np.where(np.abs(value) < 1e-300, 1e-300, value)
-    return np.asarray(_DB * np.log(np.abs(value)) if quantity == "gain" else unwrapped(value))
+    sines = _sines(member, place)
+    return sines.gain(f) if quantity == "gain" else sines.phase(f)
 
 
 def _at_frequency(requirement: Requirement, member: Member) -> Iterator[Distance]:
@@ -373,7 +383,7 @@ def _at_frequency(requirement: Requirement, member: Member) -> Iterator[Distance
 def _mask(requirement: Requirement, member: Member) -> Iterator[Distance]:
     assert isinstance(requirement, Mask)  # noqa: S101 - by `_READERS`
     place = _places(requirement, member.system)
-    f, _ = _curve(member, requirement.corners, place, requirement.quantity)
+    f = _sines(member, place).grid(requirement.corners)
     for corners, sign in ((requirement.upper, -1.0), (requirement.lower, 1.0)):
         if corners:
             inside = f[(f >= corners[0][0] * (1.0 - 1e-12)) & (f <= corners[-1][0] * (1.0 + 1e-12))]
@@ -399,14 +409,12 @@ def _least(
         level: frequencies → level, and +1 where the curve is to be above it, −1 where below.
     """
 
-    def distance() -> Floats:
+    def distance(f: Floats) -> Floats:
         wall, sign = level(f)
         return np.asarray(sign * (_of_curve(member, f, place, quantity) - wall))
 
-    for _ in range(_FINER):  # a smaller one lies between the neighbours of each least distance
-        inner = [k for k in _with_least(distance())[1] if 0 < k < len(f) - 1]
-        f = np.unique(np.concatenate([f, *(np.geomspace(f[k - 1], f[k + 1], 9)[1:-1] for k in inner)]))
-    values, least = _with_least(distance())
+    f = _sines(member, place).refined(f, distance)  # a smaller one lies between the neighbours of each least distance
+    values, least = _with_least(distance(f))
     for k in least:
         weight = level(f)[1] * _derivative(member, float(f[k]), place, quantity)
         yield Distance(float(values[k]), weight, float(f[k]))
@@ -461,8 +469,7 @@ def _bandwidth(requirement: Requirement, member: Member) -> Iterator[Distance]:
     k, first = int(below[0]), float(f[0])
     for _ in range(3):  # the straight line of the study, between points that draw closer: it tends to the crossing
         fine = np.geomspace(f[k - 1], f[k], 21)
-        near = _of_curve(member, fine, place, quantity)
-        curve = near + (360.0 * np.round((curve[k - 1] - near[0]) / 360.0) if quantity == "phase" else 0.0)
+        curve = _of_curve(member, fine, place, quantity)
         f, k = fine, max(1, int(np.argmax(curve <= level)) or 20)
     rate = (curve[k] - curve[k - 1]) / math.log(f[k] / f[k - 1])
     hz = float(f[k - 1] * math.exp((level - curve[k - 1]) / rate))
