@@ -253,10 +253,13 @@ def test_an_envelope_says_where_it_fails_and_names_of_any_length_leave_room(page
     look(page, ui, "tune/long.toml")
     title = page.locator("h1")
     expect(title).to_have_attribute("title", long)
-    assert title.bounding_box()["height"] < 60  # type: ignore[index] - two lines
-    sliders, gain = page.locator(".sliders").bounding_box(), page.locator(".tiles canvas").first.bounding_box()
+    head, sliders, gain = (
+        place.bounding_box() for place in (title, page.locator(".sliders"), page.locator(".tiles canvas").first)
+    )
+    assert head is not None
     assert sliders is not None
     assert gain is not None
+    assert head["height"] < 60  # two lines
     assert gain["x"] > sliders["x"] + sliders["width"]  # beside them, also where it is narrow
     look(page, ui, "open/mapped.toml")
     page.get_by_role("button", name="Run", exact=True).click()

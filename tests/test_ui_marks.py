@@ -16,7 +16,7 @@ PEAK = math.sqrt(1.0 - 2.0 * ZETA**2)  # where the gain of such a mode is larges
 
 
 def mode(hz: Floats, damping: float = ZETA) -> Complex:
-    return 1.0 / (1.0 - hz**2 + 2j * damping * hz)
+    return np.asarray(1.0 / (1.0 - hz**2 + 2j * damping * hz), dtype=np.complex128)
 
 
 def peaks(value: Complex, hz: Floats = HZ) -> list[float]:
@@ -41,7 +41,7 @@ def test_what_only_falls_or_ripples_has_no_resonance() -> None:
     lag = 1.0 / (1.0 + 1j * HZ)
     ripple = 10.0 ** (0.2 * np.sin(40.0 * np.log(HZ)) / 20.0)  # of 0.2 dB
     for value in (lag, lag / (1j * HZ), lag * ripple, mode(HZ, 0.8), np.full(len(HZ), 1.0 + 0j)):
-        assert peaks(value) == []
+        assert peaks(np.asarray(value, dtype=np.complex128)) == []
     gaps = mode(HZ)
     gaps[::7] = np.nan
     assert len(peaks(gaps)) == 1

@@ -7,6 +7,7 @@ import { wantedStudy } from "./limits.js";
 import { shown } from "./numbers.js";
 
 const MARGINS = [["db", "gain margin"], ["deg", "phase margin"]]; // they must be there; the crossover comes as near as it can
+const MET = 1e-4; // of its scale: so far beyond a limit is at it
 const DIGITS = 6; // of a value that was found
 
 /**
@@ -35,7 +36,7 @@ export function finding({ name, open, wanted, study, values, free, found }) {
       end();
       if (!full.record) throw new Error(full.failure?.message ?? full.state);
       found(Object.fromEntries(full.record.parameters.map((p) => [p.name, Number(p.value.toPrecision(DIGITS))])));
-      fill(says, h("p", {}, full.lead), full.verdicts.filter((v) => v.word !== "passed").map(told), held(full.record), atLimits(full.record), h("p", {}, h("a", { href: `#/run/${running}` }, `All of it: tune ${running}`)));
+      fill(says, h("p", {}, full.lead), full.record.requirements.filter((r) => !r.passed).map(missed), held(full.record), atLimits(full.record), h("p", {}, h("a", { href: `#/run/${running}` }, `All of it: tune ${running}`)));
     } catch (error) {
       fill(says, h("p", { class: "bad" }, wrongs(error)));
     } finally {
@@ -53,13 +54,26 @@ export function finding({ name, open, wanted, study, values, free, found }) {
     const there = server.files.some((f) => f.name === path) ? (await get(`/api/text?name=${encodeURIComponent(path)}`)).text : null;
     return there === text || (await write(path, text, there?.startsWith(text.split("\n")[0]) ? there : null)) ? path : null;
   }
-  return { element: h("div", {}, h("div", { class: "row" }, go, halt), says), leave: () => { if (running) stop(running).catch(() => {}); } };
+  return h("div", {}, h("div", { class: "row" }, go, halt), says);
+}
+
+/** Whether it is met, to the digits that are shown. */
+function met(r) {
+  return r.passed || (r.excess !== null && r.excess <= MET);
+}
+
+/** A requirement that is not met: by how much, or why nothing is known. */
+function missed(r) {
+  const name = r.at ? `${r.name} (${r.at})` : r.name;
+  const limit = [["min", "≥"], ["max", "≤"], ["equal", "="]].filter(([key]) => key in r.limit).map(([key, sign]) => `${sign} ${shown(r.limit[key])}`).join(", ");
+  if (met(r)) return h("p", { class: "dim" }, `${name}: at its limit, ${shown(r.after)} ${r.unit ?? ""}`);
+  return told({ word: r.after === null ? "failed" : "violated", tone: "bad", text: `${name}: ${r.after === null ? r.reason : `${shown(r.after)} ${r.unit ?? ""}, wanted ${limit}`}${r.where ? ` (${r.where})` : ""}` });
 }
 
 /** What is met, and holds back what is not. */
 function held({ requirements }) {
-  const names = [...new Set(requirements.filter((r) => r.active && r.passed).map((r) => r.name))];
-  return requirements.every((r) => r.passed) || !names.length ? null : h("p", {}, `Held back by: ${names.join(", ")}.`);
+  const names = [...new Set(requirements.filter((r) => r.active && met(r)).map((r) => r.name))];
+  return requirements.every(met) || !names.length ? null : h("p", {}, `Held back by: ${names.join(", ")}.`);
 }
 
 /** Parameters that a limit holds: further away there may be more. */

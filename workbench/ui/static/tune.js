@@ -116,7 +116,6 @@ class Workspace {
       leave: () => {
         removeEventListener("keydown", keys);
         clearTimeout(this.waits);
-        this.finder?.leave();
         if (this.running) post(`/api/works/${this.running}/stop`).catch(() => {});
       },
       element: h("div", {}, head(name, known, "tune"),
@@ -128,7 +127,7 @@ class Workspace {
             [...groups].map(([component, own]) => h("section", {}, h("h2", {}, component, " ", h("span", { class: "dim" }, own[0].kind)), own.map((p) => this.knobs.get(p.name).element))),
             h("div", { class: "field" }, h("label", { for: "amplitude" }, "Measure at amplitudes", h("span", { class: "unit" }, `of ${open}`)), this.amplitude, h("p", { class: "help" }, "The loop with its nonlinear parts, measured in the background whenever a value rests."), this.measuring),
             this.block ? h("div", { class: "field" }, h("label", { for: "block" }, "Limit cycles by the block"), this.block, this.cycling) : null,
-            h("div", { class: "field" }, h("label", { for: "wanted-db" }, "Wanted", h("span", { class: "unit" }, "dB, ° and at least Hz")), h("div", { class: "three" }, this.wanted.db, this.wanted.deg, this.wanted.hz), h("p", { class: "help" }, "Margins and crossover. Find it chooses the ticked parameters: as fast as the margins allow."), this.finder?.element ?? null),
+            h("div", { class: "field" }, h("label", { for: "wanted-db" }, "Wanted", h("span", { class: "unit" }, "dB, ° and at least Hz")), h("div", { class: "three" }, this.wanted.db, this.wanted.deg, this.wanted.hz), h("p", { class: "help" }, "Margins and crossover. Find it chooses the ticked parameters: as fast as the margins allow."), this.finder),
             h("div", { class: "field" }, h("label", { for: "study" }, "Requirements of"), this.study, h("p", { class: "help" }, "Its margins are wanted, its masks and limits of steps are drawn."), this.feeding),
             h("div", { class: "field" }, h("label", { for: "file" }, "File"), this.file)),
           h("div", {}, h("div", { class: "told" }, this.verdict, this.numbers),
@@ -285,6 +284,7 @@ class Workspace {
     this.remember();
     this.values = { ...this.values, ...values };
     delete this.values[GAIN]; // it is in them
+    this.size = null; // the locus is shown as wide as it is now
     this.showValues();
   }
 
