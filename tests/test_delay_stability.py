@@ -163,3 +163,74 @@ def test_nothing_is_proved_of_the_loops_of_a_family_with_delays(tmp_path: Path) 
         several = wb.loop(model, ["P.y", "e.y"], in_process=True)
     assert several.disk_margins == ()
     assert any("common disk margins would be those of approximations" in n for n in several.notes)
+
+
+ROBUST = """
+[components]
+P = { numerator = [1.0], denominator = [1.0, 0.0] }
+d = { block = "delay", delay = 1.0 }
+k = { gain = 1.0 }
+e = { sum = "+-" }
+[connections]
+"e.u2" = "P.y"
+"k.u" = "e.y"
+"d.u" = "k.y"
+"P.u" = "d.y"
+[inputs]
+r = "e.u1"
+[outputs]
+y = "P.y"
+"""
+
+
+def test_a_family_with_delays_is_not_said_to_be_stable(tmp_path: Path) -> None:
+    path = tmp_path / "family.toml"
+    path.write_text(ROBUST, encoding="utf-8")
+    with wb.load(path) as model:
+        found = wb.robust(model, uncertain={"k.gain": (0.5, 1.0)}, in_process=True)
+        assert found.stability.verdict == "unknown"
+        with pytest.raises(wb.InputError, match="stable in the middle"):
+            wb.robust(model, uncertain={"k.gain": (1.5, 2.5)}, in_process=True)
+
+
+def test_the_gains_of_a_feedback_are_counted_with_the_delay(tmp_path: Path) -> None:
+    """1/s behind a delay of 1 s, fed back by -g: stable for 0 < g < π/2."""
+    path = tmp_path / "plant.toml"
+    path.write_text(
+        '[components]\nP = { numerator = [1.0], denominator = [1.0, 0.0] }\nd = { block = "delay", delay = 1.0 }\n'
+        '[connections]\n"P.u" = "d.y"\n[inputs]\nu = "d.u"\n[outputs]\ny = "P.y"\n',
+        encoding="utf-8",
+    )
+    with wb.load(path) as model:
+        found = wb.feedback(model, source="y", target="u", in_process=True)
+    (pair,) = found.stable_gains
+    assert pair == pytest.approx((-math.pi / 2.0, 0.0), rel=1e-5, abs=1e-9)
+
+
+def test_an_interval_of_gains_ends_where_that_of_the_delay_does(tmp_path: Path) -> None:
+    """1/s behind a delay of 1 s that is approximated by order 1."""
+    path = tmp_path / "plant.toml"
+    path.write_text(
+        "[components]\nP = { numerator = [1.0], denominator = [1.0, 0.0] }\n"
+        'd = { block = "delay", delay = 1.0, pade = 1 }\n'
+        '[connections]\n"P.u" = "d.y"\n[inputs]\nu = "d.u"\n[outputs]\ny = "P.y"\n',
+        encoding="utf-8",
+    )
+    with wb.load(path) as model:
+        found = wb.feedback(model, source="y", target="u", in_process=True)
+    (pair,) = found.stable_gains  # the approximation is stable down to -2
+    assert pair == pytest.approx((-math.pi / 2.0, 0.0), rel=1e-5, abs=1e-9)
+
+
+def test_no_interval_of_gains_is_stable_that_only_the_approximation_makes_so(tmp_path: Path) -> None:
+    """Of the loop of seed 52 the approximation is stable, the loop is not: the gain -1 is in no stable interval."""
+    num, den, delay = resonant(52)
+    path = tmp_path / "plant.toml"
+    path.write_text(
+        f'[components]\nP = {{ numerator = {num}, denominator = {den} }}\nd = {{ block = "delay", delay = {delay} }}\n'
+        '[connections]\n"P.u" = "d.y"\n[inputs]\nu = "d.u"\n[outputs]\ny = "P.y"\n',
+        encoding="utf-8",
+    )
+    with wb.load(path) as model:
+        found = wb.feedback(model, source="y", target="u", in_process=True)
+    assert not any(low <= -1.0 <= high for low, high in found.stable_gains)

@@ -28,6 +28,7 @@ __all__ = [
     "with_delays",
 ]
 
+_BESIDE = 1e-6  # of an interval: so near its ends the poles are counted where there are delays
 _WITHIN = (0.03, 0.5, 0.97)  # where in an interval the poles are counted
 _OUTSIDE = (1.05, 2.0, 30.0)  # times the last crossing, where it is open on one side
 
@@ -156,7 +157,9 @@ def count_poles(plant: LinearPart, gain: float) -> tuple[int, int]:
 
 
 def with_delays(parts: Sequence[Interval], delayed: DelayFreePart) -> list[Interval]:
-    """Return intervals with the poles counted anew, transport delays as they are; the most that any place in each has.
+    """Return intervals with the poles counted anew, transport delays as they are.
+
+    Where the count changes within one, it is cut to where no pole is beyond the border; else it has the most.
 
     Args:
         parts: of Padé approximations.
@@ -166,18 +169,38 @@ def with_delays(parts: Sequence[Interval], delayed: DelayFreePart) -> list[Inter
 
 
 def _recounted(part: Interval, delayed: DelayFreePart) -> Interval:
-    plant, counts = Linear(delayed.A, delayed.B, delayed.C, delayed.D), []
-    for gain in _inside(part.low, part.high):
-        try:
-            closed = plant.with_feedback(gain)
-        except InputError:
-            continue
-        whole = DelayFreePart(closed.A, closed.B, closed.C, closed.D, delayed.times)
-        counts.append(count_right_of(whole).number)
-    known = [int(c) for c in counts if math.isfinite(c)]
-    unsure = len(known) < len(counts) or not counts
-    unstable = max(known, default=part.unstable)
-    return replace(part, unstable=unstable, border=max(part.border, int(unsure)), certain=len(set(counts)) == 1)
+    ends = [part.low, part.high]
+    near = [g + _BESIDE * (other - g) for g, other in (ends, ends[::-1])] if np.isfinite(ends).all() else []
+    gains = sorted([*_inside(part.low, part.high), *near])
+    counts = [_right_of_axis(delayed, g) for g in gains]
+    good = [k for k, count in enumerate(counts) if count == 0.0]
+    if not good or len(good) == len(counts):
+        known = [int(c) for c in counts if math.isfinite(c)]
+        unsure = len(known) < len(counts)
+        return replace(
+            part, unstable=max(known, default=part.unstable), border=max(part.border, int(unsure)),
+            certain=part.certain and len(set(counts)) == 1,
+        )  # fmt: skip
+    first, last = good[0], good[-1]
+    low = _edge(delayed, gains[first], gains[first - 1]) if first else part.low
+    high = _edge(delayed, gains[last], gains[last + 1]) if last + 1 < len(gains) else part.high
+    return replace(part, low=low, high=high, unstable=0, border=0, certain=len(good) == last - first + 1)
+
+
+def _right_of_axis(delayed: DelayFreePart, gain: float) -> float:
+    try:
+        closed = Linear(delayed.A, delayed.B, delayed.C, delayed.D).with_feedback(gain)
+    except InputError:
+        return math.nan
+    return count_right_of(DelayFreePart(closed.A, closed.B, closed.C, closed.D, delayed.times)).number
+
+
+def _edge(delayed: DelayFreePart, good: float, bad: float) -> float:
+    """Return the last gain known to be stable on the way from one that is to one that is not."""
+    while abs(bad - good) > _BESIDE * (abs(bad) + abs(good)):
+        middle = 0.5 * (good + bad)
+        good, bad = (middle, bad) if _right_of_axis(delayed, middle) == 0.0 else (good, middle)
+    return good
 
 
 def _counted(plant: LinearPart, low: float, high: float) -> Interval:

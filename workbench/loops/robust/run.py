@@ -119,10 +119,10 @@ def _analysed(
         )
     exact = family.centre.delay_roots
     if exact is not None and exact.right.number != 0.0:
-        words = exact.right.why or f"{exact.right.number:g} poles in the right half-plane"
+        reason = exact.right.why or f"{exact.right.number:g} poles in the right half-plane"
         raise InputError(
             f"robust: {model.name} is not known to be stable in the middle of the ranges, its transport delays as they "
-            f"are: {words}; choose ranges around a stable point"
+            f"are: {reason}; choose ranges around a stable point"
         )
     margin = proved_margin(family, _most(request, family.parameters, model))
     stability, parts, whole = _stability(family, margin, request)

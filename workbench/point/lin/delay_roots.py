@@ -102,7 +102,7 @@ class _Characteristic:
         m[singular] = np.eye(m.shape[1])
         result = np.linalg.inv(m)
         result[singular] = np.nan
-        return result
+        return np.asarray(result, dtype=np.complex128)
 
     def steps(self, s: Complex) -> tuple[Complex, Complex, Floats, Floats]:
         """Return tr M⁻¹ over the states, diagonal of M⁻¹[B₂; D₂₂]E, and the sizes of their columns in X."""
@@ -119,11 +119,12 @@ class _Characteristic:
     def norm(self, half: Floats, states: Floats, delays: Floats) -> Floats:
         """Return a bound on ‖X‖ over a stretch."""
         turn = np.minimum(half[:, None] * self.times, 2.0)
-        return np.sqrt((half * states) ** 2 + ((turn * delays) ** 2).sum(axis=1))
+        return np.asarray(np.sqrt((half * states) ** 2 + ((turn * delays) ** 2).sum(axis=1)), dtype=np.float64)
 
     def trace(self, t: Floats, states: Complex, delays: Complex) -> Complex:
         """Return tr X of a step jt."""
-        return 1j * t * states - ((np.exp(-1j * t[:, None] * self.times) - 1.0) * delays).sum(axis=1)
+        turned = ((np.exp(-1j * t[:, None] * self.times) - 1.0) * delays).sum(axis=1)
+        return np.asarray(1j * t * states - turned, dtype=np.complex128)
 
     def through(self) -> float:
         """Return the spectral radius of |D₂₂E|: below 1 the chains of poles stay left of the line."""
@@ -165,7 +166,7 @@ def count_right_of(part: DelayFreePart, sigma: float = 0.0) -> RootCount:
         return RootCount(math.nan, "what a delay passes on returns to it at once, and not smaller", nothing)
     top = _OUT * h.radius() or 1.0
     found = _walk(h, top)
-    seeds = sigma + 1j * found.centres
+    seeds = np.asarray(sigma + 1j * found.centres, dtype=np.complex128)
     if found.why:
         return RootCount(math.nan, found.why, seeds)
     turns = 0.5 * h.n - (found.turn - h.logarithm(1j * top)) / math.pi
@@ -219,7 +220,7 @@ def _walk(h: _Characteristic, top: float, turn: float = math.inf) -> _Walked:
     ends = np.append(a, b[-1:])
     if why:
         return _Walked(math.nan, why, 0.5 * (a + b), ends)
-    at = _signs(h, 1j * ends)
+    at = _signs(h, np.asarray(1j * ends, dtype=np.complex128))
     step = np.angle(at[1:] * at[:-1].conj())
     turned = float((step + 2.0 * math.pi * np.round((change - step) / (2.0 * math.pi))).sum())
     return _Walked(turned, "", 0.5 * (a + b), ends)
@@ -227,7 +228,7 @@ def _walk(h: _Characteristic, top: float, turn: float = math.inf) -> _Walked:
 
 def _chunks(h: _Characteristic, centre: Floats, half: Floats) -> tuple[Complex, Complex, Floats]:
     size = max(_CHUNK // (h.n + len(h.times)) ** 2, 1)
-    every = [h.steps(1j * centre[i : i + size]) for i in range(0, len(centre), size)]
+    every = [h.steps(np.asarray(1j * centre[i : i + size], dtype=np.complex128)) for i in range(0, len(centre), size)]
     states, delays, wide, back = (np.concatenate([e[i] for e in every]) for i in range(4))
     return states, delays, np.nan_to_num(h.norm(half, wide, back), nan=np.inf)
 
@@ -283,10 +284,11 @@ def delay_roots(part: DelayFreePart, near: Complex) -> DelayRoots:
 
 
 def _gaps(roots: Complex) -> list[float]:
-    """Return lines left of the first roots, each in the middle between two of different real parts, or beside the last."""
+    """Return lines left of the first roots: in the middle between two of different real parts, beside the last."""
     real = np.append(roots.real, roots.real[-1:] - 2.0 * _ASIDE * np.abs(roots[-1:]))
     apart = np.flatnonzero(real[:-1] - real[1:] > _APART * np.abs(roots))[:_LISTED]
-    return (0.5 * (real[apart] + real[apart + 1])).tolist()
+    lines: list[float] = (0.5 * (real[apart] + real[apart + 1])).tolist()
+    return lines
 
 
 def _refined(part: DelayFreePart, near: Complex) -> Complex:
