@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,6 +30,8 @@ from workbench.point.lin.result import DelayFreePart
 __all__ = ["delayed_margins", "delayed_stability"]
 
 _TURN = 0.5  # rad by which all delays together turn L from one frequency to the next, at most
+_ENVELOPE = 0.5  # of |L| between two frequencies of the stretches, at least
+_MOST = 200_000  # frequencies
 _TURNS = 4.0 * math.pi  # of all delays, beyond where |L| stays below 1: the axis is crossed there, too
 _BELOW = 1e-3  # of the slowest pole: below L goes as at 0
 _ROUNDING = 1e-13  # of |L|: an imaginary part below this has no sign
@@ -72,7 +74,7 @@ def _closed(loop: DelayFreePart) -> DelayFreePart:
 
 
 @dataclass(frozen=True)
-class _Curve:
+class _DelayedCurve:
     """L on the imaginary axis.
 
     Attributes:
@@ -100,6 +102,7 @@ def delayed_margins(loop: DelayFreePart, stability: ClosedLoopStability) -> Marg
 
     L is followed from stretch to stretch, each so short that neither a pole of the open or closed loop nor a delay can
     turn it unseen (see `delay_roots`), up to where |L| stays below 1 for good (Perron's bound) and two turns further.
+    Where |L| is below its value at the nearest crossing of the axis, the delays' turns do not matter.
 
     Args:
         loop: L with its delays taken out.
@@ -131,32 +134,61 @@ def delayed_margins(loop: DelayFreePart, stability: ClosedLoopStability) -> Marg
     )
 
 
-def _curve(loop: DelayFreePart, stability: ClosedLoopStability) -> _Curve | None:
+def _curve(loop: DelayFreePart, stability: ClosedLoopStability) -> _DelayedCurve | None:
     """Return L at frequencies that show all it does; None: they would be too many."""
-    closed, k = _closed(loop), len(loop.times)
+    closed = _closed(loop)
     # The opened connection is one more delay, of 0 s and any phase: beyond that radius no phase closes the loop.
     whole = replace(loop, times=np.concatenate([[0.0], loop.times]))
     tops = [r for r in (radius(whole), radius(closed), radius(loop)) if math.isfinite(r)]
     if not tops:
         return None
-    whole_turn = max(float(loop.times.sum()), 1e-300)
-    top = max(tops) + _TURNS / whole_turn
-    ends = [stretches(part, top, _TURN / whole_turn) for part in (loop, closed)]
-    if any(e[-1] < top * (1.0 - 1e-9) for e in ends):
-        return None
+    turn = 1.0 / max(float(loop.times.sum()), 1e-300)
+    top = max(tops) + _TURNS * turn
+    coarse = _union([stretches(part, top, math.inf) for part in (loop, closed)], top)
     sizes = np.abs(np.concatenate([np.linalg.eigvals(loop.A), stability.poles]))
     sizes = sizes[sizes > 1e-9 * sizes.max(initial=0.0)]
     slowest = min(float(sizes.min(initial=math.inf)), top)
-    low = np.geomspace(_BELOW * slowest, slowest, 40)
-    omega = np.unique(np.concatenate([low, *ends]))
-    d = np.abs(loop.D)
-    passed = (
-        np.linalg.solve(np.eye(k) - d[1:, 1:], d[1:, :1]) if k and radius(loop) < math.inf else np.full((k, 1), 0.0)
-    )
-    return _Curve(loop, omega[omega >= low[0]] / (2.0 * math.pi), float((d[:1, :1] + d[:1, 1:] @ passed)[0, 0]))
+    if coarse is None:
+        return None
+    first = _from(coarse, _BELOW * slowest, slowest)
+    curve = _DelayedCurve(loop, first / (2.0 * math.pi), _end(loop))
+    size = np.abs(curve.response(curve.hz))
+    level = 1.0
+    for _ in range(2):  # up to where |L| is 1; then to where it is that of the crossing of the axis found last
+        large = first[~(size < _ENVELOPE * level)]
+        high = min(top, (float(large[-1]) if len(large) else 0.0) + _TURNS * turn)
+        if high > _MOST * _TURN * turn:
+            return None
+        fine = np.arange(_TURN * turn, high, _TURN * turn)
+        curve = _DelayedCurve(loop, np.union1d(first, fine[fine > first[0]]) / (2.0 * math.pi), curve.end)
+        value = curve.response(curve.hz)
+        crossed = (np.diff(np.sign(value.imag)) != 0) & (value[:-1].real < 0.0) & (np.abs(value[:-1]) < 1.0)
+        level = float(np.abs(value[:-1][crossed]).max(initial=0.0)) or level
+    return curve
 
 
-def _phase_crossovers(curve: _Curve) -> list[PhaseCrossover]:
+def _union(ends: Sequence[Floats], top: float) -> Floats | None:
+    """Return all frequencies; None: the stretches do not reach the last."""
+    if any(e[-1] < top * (1.0 - 1e-9) for e in ends):
+        return None
+    return np.unique(np.concatenate(ends))
+
+
+def _from(omega: Floats, low: float, slowest: float) -> Floats:
+    """Return frequencies from `low` on, with some up to the slowest pole."""
+    return np.union1d(omega[omega >= low], np.geomspace(low, slowest, 40))
+
+
+def _end(loop: DelayFreePart) -> float:
+    """Return the largest |L| at infinite frequency, where delays turn as they like."""
+    d, k = np.abs(loop.D), len(loop.times)
+    if not math.isfinite(radius(loop)):
+        return float(d[0, 0])
+    passed = np.linalg.solve(np.eye(k) - d[1:, 1:], d[1:, :1])
+    return float((d[:1, :1] + d[:1, 1:] @ passed)[0, 0])
+
+
+def _phase_crossovers(curve: _DelayedCurve) -> list[PhaseCrossover]:
     def imaginary(f: Floats) -> Floats:
         value = curve.response(f)
         size = np.abs(value)
@@ -182,7 +214,7 @@ def _negative(value: complex) -> bool:
     return bool(np.isfinite(value)) and value.real < 0.0 and 1e-15 < abs(value) < 1e15
 
 
-def _peak(curve: _Curve, size: Callable[[Complex], Floats]) -> tuple[float, float]:
+def _peak(curve: _DelayedCurve, size: Callable[[Complex], Floats]) -> tuple[float, float]:
     """Return the largest size of what is made of L, and where [Hz]."""
 
     def of(f: Floats) -> Floats:

@@ -41,6 +41,7 @@ from workbench.loops.robust.worst import destabilising, is_stable, promising, sl
 from workbench.model import Model
 from workbench.model.described_model import DescribedModel
 from workbench.model.operating_point import find_point
+from workbench.point.lin.delay_roots import count_right_of
 from workbench.point.lin.request import Lin
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.sweep import check_varied
@@ -117,9 +118,10 @@ def _analysed(
             f"robust: {model.name} is not stable in the middle of the ranges (pole {words:.4g}); choose ranges around "
             "a stable point, or hold what drifts, as by a loop around it"
         )
-    exact = family.centre.delay_roots
-    if exact is not None and exact.right.number != 0.0:
-        reason = exact.right.why or f"{exact.right.number:g} poles in the right half-plane"
+    centre = family.centre
+    exact = None if centre.delayed is None else count_right_of(centre.delayed)
+    if exact is not None and exact.number != 0.0:
+        reason = exact.why or f"{exact.number:g} poles in the right half-plane"
         raise InputError(
             f"robust: {model.name} is not known to be stable in the middle of the ranges, its transport delays as they "
             f"are: {reason}; choose ranges around a stable point"

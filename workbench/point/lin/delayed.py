@@ -13,6 +13,7 @@ from workbench.errors import InputError
 from workbench.model.base import Model
 from workbench.model.described_model import DescribedModel
 from workbench.model.operating_point import named
+from workbench.point.lin.delay_roots import delay_roots
 from workbench.point.lin.result import DelayFreePart, LinResult
 from workbench.point.lin.task import LinTask
 from workbench.system.block_table.linear import DelayBlock as DelayedBlock
@@ -175,7 +176,7 @@ def _closed(task: LinTask, linear: LinResult, cuts: Sequence[_Cut]) -> LinResult
         u={n: v for n, v in where.u.items() if not n.startswith(_INTO)},
         y={n: v for n, v in where.y.items() if n in task.outputs},
     )
-    return replace(
+    closed = replace(
         linear,
         model=task.model.name,
         A=np.block([[linear.A + B2 @ wx, B2 @ wz], [b @ vx, a + b @ vz]]),
@@ -192,6 +193,16 @@ def _closed(task: LinTask, linear: LinResult, cuts: Sequence[_Cut]) -> LinResult
         delayed=delayed if linear.dt == 0.0 else None,
         notes=(*linear.notes, *(_words(cut, linear.dt) for cut in cuts)),
     )
+    return _with_poles(closed)
+
+
+def _with_poles(result: LinResult) -> LinResult:
+    """Return a linear model with the rightmost poles that its delays make of it."""
+    if result.delayed is None:
+        return result
+    found = delay_roots(result.delayed, result.poles)
+    line = found.complete_to if math.isfinite(found.complete_to) else None
+    return replace(result, delay_poles=found.roots, delay_poles_complete_to=line)
 
 
 def _approximation(cut: _Cut, dt: float) -> tuple[Floats, Floats, Floats, Floats]:

@@ -16,6 +16,7 @@ from workbench.core.values.poles import (
     sides,
     vanished,
 )
+from workbench.point.lin.delay_roots import delay_roots
 from workbench.point.lin.grid import LinGrid, LinPoint
 from workbench.point.lin.result import LinResult
 from workbench.point.lin.step_check import StepCheck
@@ -93,9 +94,9 @@ def _motion(result: LinResult) -> list[str]:
 
 def _with_delays(result: LinResult) -> list[str]:
     """Return in words what the delays themselves make of the stability; the poles are of their approximations."""
-    found = result.delay_roots
-    if found is None:
+    if result.delayed is None:
         return []
+    found = delay_roots(result.delayed, result.poles)
     if found.border or np.isnan(found.right.number):
         why = found.right.why or "a pole is on the border"
         return [f"With the delays as they are, whether it is stable is not known: {why}."]

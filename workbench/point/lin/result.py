@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,9 +18,6 @@ from workbench.core.values.matrices import resolvent
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.core.values.poles import pole_keys
 from workbench.show.result import Result
-
-if TYPE_CHECKING:
-    from workbench.point.lin.delay_roots import DelayRoots
 
 __all__ = ["DelayFreePart", "Doubt", "Intersample", "LinResult", "Zero"]
 
@@ -165,6 +161,10 @@ class LinResult(Linear, Result):
         about_hz: of a large sparse model only the poles nearest to this frequency are shown [Hz].
         delayed: the model with its transport delays taken out, whose frequency response is exact; A, B, C and D have
             Padé approximations. None: there are none.
+        delay_poles: with transport delays, the rightmost poles with the delays as they are, shape (k,) [1/s]; `poles`
+            are those of the Padé approximations.
+        delay_poles_complete_to: real part right of which `delay_poles` are proved to be all [1/s]; None: nothing is
+            proved, or there are no delays.
     """
 
     _page = "workbench.point.lin.page:lin_page"
@@ -188,6 +188,8 @@ class LinResult(Linear, Result):
     holds_to_hz: float | None = None
     about_hz: float = 0.0
     delayed: DelayFreePart | None = None
+    delay_poles: Complex = field(default_factory=lambda: np.zeros(0, dtype=np.complex128))
+    delay_poles_complete_to: float | None = None
 
     _WHAT, _COMMAND = "a linear model", "lin"
 
@@ -226,13 +228,6 @@ class LinResult(Linear, Result):
         if self.shows_all_poles or self.about_hz == 0.0:
             return self.slowest_poles
         return poles_about(self.A, self.about_hz)
-
-    @cached_property
-    def delay_roots(self) -> DelayRoots | None:
-        """The rightmost poles with transport delays as they are; None: there are no delays."""
-        from workbench.point.lin.delay_roots import delay_roots  # noqa: PLC0415 - it needs `DelayFreePart`
-
-        return None if self.delayed is None else delay_roots(self.delayed, self.poles)
 
     def fundamental(self, frequency_hz: Floats) -> Complex:
         """Return what a frequency response measured with sines would show, shape (k, q, m).
@@ -305,21 +300,12 @@ class LinResult(Linear, Result):
                 those nearest to this frequency [Hz].
             natural_frequency_hz, damping, damped_frequency_hz: of each pole; `null`: a delay, or no
                 damping ratio at 0.
-            delay_poles: of a model with transport delays, its rightmost poles with the delays as they are,
-                pairs; `poles` are those of the Padé approximations. Empty: there are no delays.
-            delay_poles_complete_to: real part right of which `delay_poles` are proved to be all [1/s];
-                `null`: nothing is proved, or there are no delays.
             x0, u0, y0, discrete0, dx0, time: the point.
         """
         point = self.operating_point
         at = {"x0": point.x, "u0": point.u, "y0": point.y, "discrete0": point.discrete, "dx0": point.dx}
         poles = {"poles": self.shown_poles, "all_poles": self.shows_all_poles}
-        exact = self.delay_roots
-        delays = {
-            "delay_poles": np.zeros(0, dtype=np.complex128) if exact is None else exact.roots,
-            "delay_poles_complete_to": None if exact is None or exact.complete_to == math.inf else exact.complete_to,
-        }
-        return {**poles, **pole_keys(self.shown_poles, self.dt), **delays, **at, "time": point.time}
+        return {**poles, **pole_keys(self.shown_poles, self.dt), **at, "time": point.time}
 
     @classmethod
     def restored(cls, data: Mapping[str, Any]) -> Mapping[str, Any]:
