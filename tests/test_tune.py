@@ -385,3 +385,16 @@ def test_a_phase_that_may_rise_least_is_led_away_from_the_border(tmp_path: Path)
     loop = (found.values["shape.lead"] * s + 1.0) / (0.1 * s + 1.0) * s / (s**2 - 0.2 * s + 1.0)
     crossed = np.flatnonzero((np.abs(loop[1:]) > 1.0) != (np.abs(loop[:-1]) > 1.0))
     assert np.degrees(np.abs(np.angle(-loop[crossed]))).min() == pytest.approx(phase.after, abs=0.01)
+
+
+def test_a_mask_between_the_points_and_a_slow_unstable_pole_are_read_as_in_a_study() -> None:
+    w, zeta = 2.0 * math.pi * 3.333, 1e-5
+    A = np.array([[0.0, 1.0], [-w * w, -2.0 * zeta * w]])
+    none = np.zeros((3, 0))
+    system = wb.Linear(A, [[0.0], [w * w]], [[1.0, 0.0]], [[0.0]], input_names=("u",), output_names=("y",))
+    member = Member(system, none, none.T, {}, {})
+    mask = KINDS["mask"](name="r", analysis="a", kind="mask", upper=[[0.1, 45.0], [100.0, 45.0]])
+    peak = -20.0 * math.log10(2.0 * zeta)
+    assert min(r.value for r in readings(mask, member)) == pytest.approx(45.0 - peak, abs=1e-3)
+    stiff = wb.Linear(np.diag([-2e5, 1e-4]), [[1.0], [1.0]], [[1.0, 1.0]], [[0.0]])
+    assert max(r.value for r in closed_poles(Member(stiff, none, none.T, {}, {}), loop=False)) == pytest.approx(1e-4)
