@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
+import re
 import warnings
 from collections.abc import Sequence
 from typing import Any
@@ -405,6 +406,20 @@ def test_one_of_several_outputs_is_named() -> None:
     with pytest.raises(InputError, match='the record has 2 outputs, y and z; name one, as in output = "y"'):
         find("overshoot", {**record, "signals": {"y": y, "z": z, "u": u}}, max=5)
     assert not find("overshoot", {**record, "signals": {"y": y, "z": z, "u": u}}, max=5, output="z").passed
+
+
+def test_what_coarse_rows_leave_out_is_the_error_of_the_number() -> None:
+    time = np.arange(0.0, 6.3, 0.3)
+    result = {"command": "simulate", "time": time.tolist(), "units": {}, "signals": {"y": np.sin(time).tolist()}}
+    found = find("peak", result, max=2.0)
+    rows = float(np.abs(np.sin(time)).max())
+    assert found.value == rows
+    said = re.search(r"± (\S+) between the rows", found.where)
+    assert said is not None
+    assert float(said[1]) == pytest.approx(1.0 - rows, rel=0.1)
+    with pytest.raises(NotMeasured, match="lies between the rows"):
+        find("peak", result, max=0.9995)
+    assert not find("peak", result, max=0.9).passed
 
 
 def test_rise_of_a_first_order_lag() -> None:
