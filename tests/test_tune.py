@@ -25,6 +25,7 @@ from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.jobs.options import Workers
 from workbench.study.requirements import KINDS
+from workbench.study.requirements.response import Mask
 from workbench.study.tune.family import LinearFamily, Member
 from workbench.study.tune.minimax import SmoothPiece, minimax
 from workbench.study.tune.readings import closed_poles, readings
@@ -385,3 +386,17 @@ def test_a_phase_that_may_rise_least_is_led_away_from_the_border(tmp_path: Path)
     loop = (found.values["shape.lead"] * s + 1.0) / (0.1 * s + 1.0) * s / (s**2 - 0.2 * s + 1.0)
     crossed = np.flatnonzero((np.abs(loop[1:]) > 1.0) != (np.abs(loop[:-1]) > 1.0))
     assert np.degrees(np.abs(np.angle(-loop[crossed]))).min() == pytest.approx(phase.after, abs=0.01)
+
+
+def test_a_mask_between_the_points_and_a_slow_unstable_pole_are_read_as_in_a_study() -> None:
+    w, zeta = 2.0 * math.pi * 3.333, 1e-5
+    A = np.array([[0.0, 1.0], [-w * w, -2.0 * zeta * w]])
+    none = np.zeros((3, 0))
+    b, c, d = np.array([[0.0], [w * w]]), np.array([[1.0, 0.0]]), np.zeros((1, 1))
+    system = wb.Linear(A, b, c, d, input_names=("u",), output_names=("y",))
+    member = Member(system, none, none.T, {}, {})
+    mask = Mask(name="r", analysis="a", kind="mask", upper=[[0.1, 45.0], [100.0, 45.0]])
+    peak = -20.0 * math.log10(2.0 * zeta)
+    assert min(r.value for r in readings(mask, member)) == pytest.approx(45.0 - peak, abs=1e-3)
+    stiff = wb.Linear(np.diag([-2e5, 1e-4]), np.ones((2, 1)), np.ones((1, 2)), d)
+    assert max(r.value for r in closed_poles(Member(stiff, none, none.T, {}, {}), loop=False)) == pytest.approx(1e-4)

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workbench.core.records.option import recast
 from workbench.core.values.arrays import Floats
@@ -42,7 +43,8 @@ def with_rows_between(request: Simulate, model: object, record: SimulationResult
         step = model.shortest_step
         if step is None:
             return record, ""  # it shows nothing between its communication points
-    kept, looked_at = _own(record), np.ones(max(len(record.time) - 1, 0), dtype=np.bool_)
+    kept = _own(record)
+    looked_at: NDArray[np.bool_] = np.ones(max(len(record.time) - 1, 0), dtype=np.bool_)
     found = record
     while len(kept) < _MOST:
         new = _between(found.time, looked_at, step)
@@ -74,7 +76,7 @@ def _own(record: SimulationResult) -> Floats:
     return np.asarray(time[~twice])
 
 
-def _between(time: Floats, looked_at: Floats, step: float | None) -> Floats:
+def _between(time: Floats, looked_at: NDArray[np.bool_], step: float | None) -> Floats:
     """Return a time inside of each interval that is looked at [s]; where a step is given, a multiple of it."""
     width = np.diff(time)
     part = 0.2 + 0.6 * np.mod(_GOLDEN * np.arange(1, len(width) + 1), 1.0)
@@ -88,9 +90,9 @@ def _between(time: Floats, looked_at: Floats, step: float | None) -> Floats:
     return np.asarray(inside[~np.isin(inside, time)])
 
 
-def _bent(coarse: SimulationResult, fine: SimulationResult) -> Floats:
+def _bent(coarse: SimulationResult, fine: SimulationResult) -> NDArray[np.bool_]:
     """Return which intervals of a finer record, or their neighbours, no straight line of the coarser one meets."""
-    bent = np.zeros(max(len(fine.time) - 1, 0), dtype=np.bool_)
+    bent: NDArray[np.bool_] = np.zeros(max(len(fine.time) - 1, 0), dtype=np.bool_)
     for name, values in fine.signals.items():
         if name in coarse.signals:
             span = float(np.ptp(values[np.isfinite(values)])) if np.isfinite(values).any() else 0.0

@@ -24,6 +24,7 @@ from workbench.model.described_model import DescribedModel
 from workbench.model.loading import Loading
 from workbench.requests.call import origin_of_call
 from workbench.requests.request import Request, function
+from workbench.response.simulate.request import Simulate
 from workbench.show.files_written import Written
 from workbench.show.result import page_of, write_report
 from workbench.study.between_rows import left_out, with_rows_between
@@ -135,7 +136,7 @@ def _with_rows(
     rows: str,
 ) -> tuple[Any, Mapping[str, Any], tuple[str, ...]]:
     """Return a record with the rows that are needed, else what its rows leave out; and a note where nothing tells."""
-    if not rows:
+    if not rows or not isinstance(request, Simulate):
         return record, {}, ()
     finer, note = with_rows_between(request, model, record)
     notes = (note,) if note else ()

@@ -422,7 +422,8 @@ def _exact_loop(result: Result) -> SineCurve:
     assert linear is not None  # noqa: S101 - whoever calls has looked
     poles = linear.transfer.continuous_poles
     moving = poles[~at_rest(linear.transfer.A, poles, dt=linear.transfer.dt)]
-    return sine_curve(linear.transfer, linear.response, poles=moving.tolist())
+    delays = None if linear.lin.delayed is None else linear.lin.delayed.times
+    return sine_curve(linear.transfer, linear.response, poles=moving.tolist(), delays=delays)
 
 
 def _measured_loop(measured: Result, unit: str | None, linear: SineCurve | None, *, told: bool) -> Curve:

@@ -113,7 +113,7 @@ class _OfHistory(Limited):
         history = self.history(result)
         number, where = self.number(history, 0.0)
         error = self._error(history, number)
-        words = f"± {error:.1g} between the rows" if error > _TOLD * abs(number) else ""
+        words = f"± {error:.2g} between the rows" if error > _TOLD * abs(number) else ""
         unit = self.units[0] if self.units else history.unit
         return [Value(value=number, where=", ".join(filter(None, [where, words])), unit=unit)]
 
@@ -265,7 +265,7 @@ class PeakRequirement(_OfHistory):
 
     def number(self, history: _History, side: float) -> tuple[float, str]:
         sizes = [
-            abs(v) + max(side, 0.0) * max(up, down)
+            max(v + max(side, 0.0) * up, -v + max(side, 0.0) * down)
             for v, up, down in zip(
                 history.values, _above(history.values, history.behind),
                 _above([-v for v in history.values], history.behind), strict=True,

@@ -139,7 +139,8 @@ def found_at(result: Mapping[str, Any], path: str) -> list[tuple[str, Any]]:
         InputError: nothing stands there; near keys in the message.
     """
     pairs: list[tuple[str, Any]] = [("", result)]
-    chosen, keys = False, []
+    chosen = False
+    keys: list[str] = []
     for step in _steps(path):
         groups = step.groupdict()
         if groups.get("name") is not None:
