@@ -59,6 +59,13 @@ GIVEN: dict[str, dict[str, Any]] = {
     "IdentifiedModel": {**linear("whole"), "input_units": ("A", None), "output_units": ("m", "m")},
     "LinResult": linear("whole"),
     "LinearPart": linear("part"),
+    "DelayFreePart": {
+        "A": np.array([[-1.0, 0.5], [0.25, -2.0]]),
+        "B": np.arange(6.0).reshape(2, 3) + 1.0,
+        "C": np.arange(6.0).reshape(3, 2) + 5.0,
+        "D": np.zeros((3, 3)),
+        "times": np.array([0.25, 0.5]),
+    },
     "MotionComparison": {
         "systems": ("one", "two"),
         "signals": ("x", "y"),
