@@ -99,6 +99,8 @@ def sign_changes(g: Callable[[Floats], Floats], samples: Floats) -> list[float]:
     t, v = _nearest_to_zero(g, samples, g(np.exp(samples)))
     signs = [(x, y) for x, y in zip(t.tolist(), v.tolist(), strict=True) if not np.isnan(y) and y != 0.0]
     steps = [(a, b) for (a, u), (b, w) in pairwise(signs) if (u < 0.0) != (w < 0.0)]
+    # Of many frequencies at once g is rounded in another way: a sign that one alone does not have is rounding.
+    steps = [(a, b) for a, b in steps if (at(a) < 0.0) != (at(b) < 0.0)]
     return [float(np.exp(brentq(at, a, b, xtol=1e-14, rtol=1e-14))) for a, b in steps]
 
 
