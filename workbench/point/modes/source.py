@@ -13,7 +13,7 @@ from workbench.jobs.options import Workers
 from workbench.model import Model
 from workbench.point.lin.grid import LinPoint
 from workbench.point.lin.request import Lin, LinOver
-from workbench.point.lin.result import LinResult
+from workbench.point.lin.result import Doubt, LinResult
 from workbench.point.lin.sweep import points_over
 
 __all__ = ["ModelSource"]
@@ -31,13 +31,14 @@ class Known:
 
     Attributes:
         poles: of it.
-        state_names, operating_point, notes: its own.
+        state_names, operating_point, notes, doubts: its own.
     """
 
     poles: Poles
     state_names: tuple[str, ...]
     operating_point: OperatingPoint
     notes: tuple[str, ...]
+    doubts: tuple[Doubt, ...]
 
 
 class ModelSource:
@@ -98,7 +99,8 @@ class ModelSource:
             self.failed[value] = point.reason or "no linear model"
         else:
             result = point.result
-            self.results[value] = Known(self._poles(result), result.state_names, result.operating_point, result.notes)
+            poles = self._poles(result)
+            self.results[value] = Known(poles, result.state_names, result.operating_point, result.notes, result.doubts)
 
     def _poles(self, linear: LinResult) -> Poles:
         accuracy = _ACCURACY.get(linear.method, 0.0)
