@@ -60,7 +60,7 @@ def linear_loop(cut: CutLoop, *, method: str = "auto", dx: Widths | None = None,
         alone = replace(request, u0=u0, inputs=[], outputs=None, dx=None, du=None)
         closed = run(replace(make_task(cut.model, alone), explained=False), result.method)
         margins, more = _sampled(cut, result, transfer, whole, closed)
-        return LinearLoop(result, transfer, judged(closed, transfer), margins, (*notes, *more))
+        return LinearLoop(result, transfer, judged(closed, transfer), margins, (*notes, *more, *_doubtful(closed)))
     rates = sampled(cut.model, cut.point)
     notes = (*notes, *rates.notes)
     if result.dt == 0.0 and (rates.periods or not rates.complete):
@@ -105,7 +105,7 @@ def _sampled(
 
 
 def _notes(cut: CutLoop, result: LinResult) -> list[str]:
-    notes = [f"doubtful: {d.row} by {d.column}: {d.reason}" for d in result.doubts]
+    notes = _doubtful(result)
     if not _returns(result):
         notes.append(
             f"L is 0: what {cut.place.label} passes on does not return at this point (a limit is reached, or a "
@@ -122,6 +122,10 @@ def _notes(cut: CutLoop, result: LinResult) -> list[str]:
             f"the point is not an equilibrium ({', '.join(moving[:3])} move); margins are those of this instant"
         )
     return notes
+
+
+def _doubtful(result: LinResult) -> list[str]:
+    return [f"doubtful: {d.row} by {d.column}: {d.reason}" for d in result.doubts]
 
 
 def _returns(result: LinResult) -> bool:

@@ -63,6 +63,7 @@ def run(model: DescribedModel, request: RateOnset, job: Job) -> OnsetResult:
         if closed.dt > 0.0:
             _check_held(placed, closed, ports.w)
         band, told = _band(closed, request.band)
+        notes += [f"doubtful: {d.row} by {d.column}: {d.reason}" for d in closed.doubts]
         notes += [*told, *closed.notes, *(f"{z.name}: {z.reason}" for z in closed.zeros if z.name == request.input)]
         motion = _LimiterMotion(closed, rate, *_curve(closed, 0, band))
         points = []

@@ -23,7 +23,7 @@ from workbench.point.scales import straight_over
 from workbench.session.forcing import convert
 from workbench.session.point import Evaluation, ModelPoint
 
-__all__ = ["AGREE", "ROUNDING", "SECOND", "UNDECLARED", "Columns", "PointColumns", "relative_width", "size_of", "total_width"]
+__all__ = ["AGREE", "ROUNDING", "UNDECLARED", "Columns", "PointColumns", "relative_width", "size_of", "total_width"]
 
 Indices = NDArray[np.intp]
 Group = tuple[Indices, Indices, Indices]

@@ -162,13 +162,13 @@ def _between(setting: SampledPeriodMap, keep: Flags) -> dict[str, Any]:
     """Return what inputs do within the period: by their values at the samples, or along all of it."""
     columns = range(len(setting.states), len(setting.names))
     if setting.acts_at_samples() or not all(setting.variables[j].is_continuous_input for j in columns):
-        if len(setting.instants) == 1:
+        if len(setting.instants) == 1 or not columns:
             return {"sampled": True, "smooth": True}
-        nodes, answer = setting.instants, setting.pulse
-        sampled = True
+        nodes, sampled = setting.instants, True
+        result = [[setting.pulse(k, j) for j in columns] for k in range(len(nodes))]
     else:
-        nodes, answer, sampled = setting.nodes, setting.respond, False
-    result = [[answer(k, j) for j in columns] for k in range(len(nodes))]
+        nodes, sampled = setting.nodes, False
+        result = [[setting.respond(k, j) for j in columns] for k in range(len(nodes))]
     B = np.array([np.column_stack([x[keep] for x, _ in row]) for row in result])
     D = np.array([np.stack([y for _, y in row], axis=-1) for row in result])
     return {"sampled": sampled, "nodes": nodes, "B_nodes": B, "D_nodes": D, "smooth": True}

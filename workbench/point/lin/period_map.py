@@ -45,6 +45,7 @@ class SampledPeriodMap(Columns):
     Attributes:
         states: continuous states, then discrete ones.
         continuous: number of continuous states.
+        tolerance: relative, of the integration.
         variables: states, then the chosen inputs.
         unscaled: those whose width nothing in the model tells: no nominal value, and no value beyond the least scale.
         point_values: of them at the point, shape (k,).
@@ -56,7 +57,7 @@ class SampledPeriodMap(Columns):
     """
 
     def __init__(self, task: LinTask, point: ModelPoint, start: float, period: float, ticks: Floats) -> None:
-        self.task, self.start, self.period = task, start, period
+        self.task, self.start, self.period, self.tolerance = task, start, period, INTEGRATION
         self.states, self.continuous = (*point.states, *point.memory), len(point.states)
         for state in point.states:
             if state.start is None:
@@ -105,7 +106,7 @@ class SampledPeriodMap(Columns):
 
     def _advance(self, values: Mapping[str, float], signals: Mapping[str, Signal]) -> tuple[Floats, Floats]:
         task = self.task
-        with task.model.open_at(time=self.start, values=values, tolerance=INTEGRATION) as session:
+        with task.model.open_at(time=self.start, values=values, tolerance=self.tolerance) as session:
             record = session.advance(float(self.grid[-1]), signals=signals, record=task.outputs, points=self.grid[1:])
             reached = session.values([v.name for v in self.states])
         return np.array(list(reached.values())), _within(record, self.grid, task.outputs)
@@ -170,9 +171,9 @@ def _apart(times: Floats, period: float) -> Floats:
 
 
 def _nodes(period: float, instants: Floats) -> Floats:
-    """Return each span between two instants in equal parts, an even number of them, times since the start [s]."""
+    """Return each span between two instants in equal parts, two pairs of them or more, times since the start [s]."""
     ends = np.append(instants, period)
-    parts = 2 * np.ceil(0.5 * INTERVALS * np.diff(ends) / period - SAME).astype(int)
+    parts = 4 * np.ceil(0.25 * INTERVALS * np.diff(ends) / period - SAME).astype(int)
     spans = zip(ends[:-1].tolist(), ends[1:].tolist(), parts.tolist(), strict=True)
     return np.append(np.concatenate([a + (b - a) * np.arange(k) / k for a, b, k in spans]), period)
 

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workbench.core.values.arrays import Floats
-from workbench.point.lin.columns import AGREE, ROUNDING, SECOND
+from workbench.model import Model
+from workbench.point.lin.columns import AGREE, ROUNDING
 from workbench.point.lin.period_map import SampledPeriodMap
 from workbench.point.lin.result import Doubt
 from workbench.point.scales import INTEGRATION
+from workbench.session.me import SMALLEST_SCALE
 
 __all__ = ["PeriodSlopes", "slopes_of"]
 
+_SECOND = 2.0  # the second width, over the first
+_TIGHT = 1e-13  # relative tolerance for small moves: the least that the solvers take
 _STEP = 100.0  # from one width at which rounding is looked behind to the next
 
 
@@ -45,12 +51,12 @@ def slopes_of(setting: SampledPeriodMap) -> PeriodSlopes:
 
     A width that nothing in the model tells may be beyond all that is linear in it: a limiter of 1 nm, of a model in m,
     is then saturated on both sides, its slope all but 0, and that at a second width as wide is 0, too. So all such
-    columns are moved together by as little as rounding lets be seen. Where the map is steeper there, it is taken again
-    within that range. Where it is flatter, a dead band has no slope, or what moves was lost in the sum with a large
-    number that the model does not show: that is a doubt.
+    columns are moved together by as little as rounding lets be seen. Where the map is another one there, it is taken
+    again within that range, if all numbers in the model are known; in an FMU, what moves may have been lost in the sum
+    with a large number that it does not show, which looks like a dead band: that is a doubt.
 
     Args:
-        setting: the map; `widths` are changed.
+        setting: the map; `widths` and `tolerance` are changed.
 
     Raises:
         SimulationError: a run fails.
@@ -58,8 +64,10 @@ def slopes_of(setting: SampledPeriodMap) -> PeriodSlopes:
     wide = _taken(setting)
     if not setting.unscaled.any():
         return wide
+    setting.tolerance = _TIGHT
     small = _SmallMoves(setting, wide.jacobian)
     if not small.bad.any():
+        setting.tolerance = INTEGRATION
         return wide
     before, reach = setting.widths, small.reach()
     setting.widths = np.where(setting.unscaled, reach * before, before)
@@ -67,21 +75,21 @@ def slopes_of(setting: SampledPeriodMap) -> PeriodSlopes:
     old, new = wide.jacobian, narrow.jacobian
     size = np.maximum(np.abs(old), np.abs(new)) @ np.abs(small.direction)
     changed = np.abs(new - old) * np.abs(small.direction) > 2.0 * AGREE * size[:, None]
-    steeper = bool((np.abs(new) >= np.abs(old))[changed].all())
-    if steeper and not small.wrong(new).any():
+    if small.sure and not small.wrong(new).any():
         short = [f"{n} ({w:.1g})" for n, w in zip(setting.names, setting.widths, strict=True)]
         names = ", ".join(s for s, u in zip(short, setting.unscaled, strict=True) if u)
         note = f"no nominal value is declared and the model is linear only over a short range: moved by {names}"
         return PeriodSlopes(narrow.dx, narrow.dy, notes=(note,))
-    over = float(setting.widths[setting.unscaled].max())
-    setting.widths = before
-    return PeriodSlopes(wide.dx, wide.dy, doubts=_doubts(setting, small, old, new, changed, over))
+    doubts = _doubts(setting, small, old, new, changed)
+    setting.widths, setting.tolerance = before, INTEGRATION
+    return PeriodSlopes(wide.dx, wide.dy, doubts=doubts)
 
 
 def _doubts(
-    setting: SampledPeriodMap, small: _SmallMoves, old: Floats, new: Floats, changed: NDArray[np.bool_], over: float
+    setting: SampledPeriodMap, small: _SmallMoves, old: Floats, new: Floats, changed: NDArray[np.bool_]
 ) -> tuple[Doubt, ...]:
     """Return the entries that depend on the width, and rows that small moves contradict in no one entry."""
+    over = float(setting.widths[setting.unscaled].max())
     result = [
         Doubt(
             setting.rows[i],
@@ -113,13 +121,14 @@ def _taken(setting: SampledPeriodMap) -> PeriodSlopes:
 class _SmallMoves:
     """What the map does when all columns without a scale move together, as little as rounding lets be seen.
 
-    A row is seen at a width where its slope over a second one, 8 times as wide, is the same.
+    A row is seen at a width where its slope over a second one, twice as wide, is the same.
 
     Args:
         setting: the map.
         jacobian: its slopes at its widths.
 
     Attributes:
+        sure: all numbers in the model are known.
         direction: the columns' moves, of which parts are made, shape (n + m,).
         slope: of the rows along it, per part, shape (n + q,); NaN where nothing is seen.
         bad: rows whose slope is not that of the matrix.
@@ -132,15 +141,21 @@ class _SmallMoves:
         self.setting = setting
         self.direction = np.where(setting.unscaled, 0.5 * setting.widths * signs, 0.0)
         self.slope = np.full(len(setting.rows), np.nan)
-        largest = max(np.abs(setting.here).max(initial=0.0), np.abs(setting.point_values).max(initial=0.0))
+        numbers = _numbers_of(setting.task.model)
+        self.sure = numbers is not None
         # Numbers of size one may stand in any model, beside those it shows.
-        lost = max(ROUNDING, (ROUNDING + INTEGRATION * (setting.continuous > 0)) * largest)
-        self.least = float(lost / np.abs(self.direction[setting.unscaled]).min())
+        shown = np.concatenate([setting.here, setting.point_values, numbers if numbers is not None else []])
+        largest = float(np.abs(shown).max(initial=1.0))
+        lost = ROUNDING * largest
+        if setting.continuous:  # integrated with this error beside the largest value and the least scale of a state
+            moving = float(np.abs(setting.here).max(initial=0.0))
+            lost = max(lost, _TIGHT * (moving + SMALLEST_SCALE) / AGREE)
+        self.least = lost / float(np.abs(self.direction[setting.unscaled]).min())
         part = self.least
-        while SECOND * part < 1.0 and np.isnan(self.slope).any():
-            one, other = self._over(part), self._over(SECOND * part)
+        while _SECOND * part < 1.0 and np.isnan(self.slope).any():
+            one, other = self._over(part), self._over(_SECOND * part)
             size = np.maximum(np.abs(jacobian) @ np.abs(self.direction), np.abs(one))
-            seen = np.isnan(self.slope) & (np.abs(one - other) <= AGREE * size)
+            seen = np.isnan(self.slope) & (np.abs(one - other) <= 2.0 * AGREE * size)
             self.slope[seen] = one[seen]
             part *= _STEP
         self.bad = self.wrong(jacobian)
@@ -152,14 +167,54 @@ class _SmallMoves:
     def wrong(self, jacobian: Floats) -> NDArray[np.bool_]:
         """Return the rows whose slope, where it is seen, is not that of a matrix."""
         size = np.maximum(np.abs(jacobian) @ np.abs(self.direction), np.abs(self.slope))
-        return np.asarray(np.abs(self.slope - jacobian @ self.direction) > 2.0 * AGREE * size)
+        return np.asarray(np.abs(self.slope - jacobian @ self.direction) > 4.0 * AGREE * size)
 
     def reach(self) -> float:
         """Return the part of the widths within which the rows go as they do for the smallest moves."""
         part = self.least
         while 10.0 * part < 1.0:
             one = self._over(10.0 * part)[self.bad]
-            if (np.abs(one - self.slope[self.bad]) > AGREE * np.abs(self.slope[self.bad])).any():
+            if (np.abs(one - self.slope[self.bad]) > 4.0 * AGREE * np.abs(self.slope[self.bad])).any():
                 break
             part *= 10.0
         return max(0.1 * part, self.least)  # one column alone may go further than all together
+
+
+def _numbers_of(model: Model) -> Floats | None:
+    """Return all numbers that a system consists of; None: it is an FMU, or has one, or a function."""
+    if getattr(model, "system", None) is None:
+        return None
+    # What systems consist of is imported for them alone.
+    from workbench.system.description import (  # noqa: PLC0415
+        BlockComponent,
+        GainComponent,
+        LinearComponent,
+        SumComponent,
+        SystemDescription,
+    )
+
+    system = getattr(model, "system", None)
+    if not isinstance(system, SystemDescription):
+        return None
+    result: list[float] = [n for c in system.connections for n in (c.gain, c.offset)]
+    for part in system.components:
+        if isinstance(part, LinearComponent):
+            result += [n for m in (part.A, part.B, part.C, part.D) for n in m.ravel().tolist()]
+        elif isinstance(part, BlockComponent):
+            result += _flat(part.parameters.values())
+        elif isinstance(part, GainComponent):
+            result.append(part.gain)
+        elif not isinstance(part, SumComponent):
+            return None
+    return np.array([n for n in result if np.isfinite(n)])
+
+
+def _flat(values: Iterable[Any]) -> list[float]:
+    """Return the numbers among parameters, tables included."""
+    result: list[float] = []
+    for value in values:
+        if isinstance(value, int | float):
+            result.append(float(value))
+        elif isinstance(value, Iterable) and not isinstance(value, str):
+            result += _flat(value)
+    return result

@@ -265,7 +265,7 @@ class LinResult(Linear, Result):
     def _acting(self, between: Intersample, s: complex) -> tuple[list[Complex], list[Complex], complex]:
         """Return B and D of a sine as it acts, and what is to be divided by.
 
-        Of a continuous sine between smooth nodes there are two of each: straight over every node, and over every second.
+        Of a continuous sine along smooth nodes there are two of each: straight over each node, and over every second.
         """
         if not len(between.nodes):
             held = 1.0 if between.sampled else complex((1.0 - np.exp(-s * self.dt)) / (s * self.dt))

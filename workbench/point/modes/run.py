@@ -75,7 +75,7 @@ def run(model: Model, request: Modes, job: Job) -> ModesResult:
         source.prepare(grid, request.place.apart, job, label=label or vary)
         _check_enough(source, grid, vary)
         sets.append(_one_set(source, grid, label, dict(settings), request, width=width))
-        moving += _moving(source, label)
+        moving += [*_moving(source, label), *_doubtful(source, label)]
         first += [source.results[float(v)].operating_point for v in grid if v in source.results]
     return result()
 
@@ -275,6 +275,19 @@ def _moving(source: ModelSource, label: str) -> Iterator[str]:
         yield (
             f"{where}{moving[0]} (at {len(moving)} of {len(source.results)} values): modes and stability are those of "
             "small deviations from that motion; `trimmed` linearises at the equilibrium of each value"
+        )
+
+
+def _doubtful(source: ModelSource, label: str) -> Iterator[str]:
+    """Yield a remark where entries of the linear models are doubtful, and so their poles."""
+    found = [(value, source.results[value].doubts) for value in sorted(source.results)]
+    some = [(value, d) for value, doubts in found for d in doubts if d.row in source.results[value].state_names]
+    if some:
+        where, (value, first) = f"{label}: " if label else "", some[0]
+        count = len({v for v, _ in some})
+        yield (
+            f"{where}doubtful at {count} of {len(found)} values, first at {value:g}: {first.row} by {first.column}: "
+            f"{first.reason}"
         )
 
 

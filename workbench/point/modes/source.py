@@ -16,7 +16,7 @@ from workbench.model import Model
 from workbench.point.lin.delay_roots import delay_roots
 from workbench.point.lin.grid import LinPoint
 from workbench.point.lin.request import Lin, LinOver
-from workbench.point.lin.result import DelayFreePart, LinResult
+from workbench.point.lin.result import DelayFreePart, Doubt, LinResult
 from workbench.point.lin.sweep import points_over
 
 __all__ = ["ModelSource"]
@@ -34,13 +34,14 @@ class Known:
 
     Attributes:
         poles: of it.
-        state_names, operating_point, notes: its own.
+        state_names, operating_point, notes, doubts: its own.
     """
 
     poles: Poles
     state_names: tuple[str, ...]
     operating_point: OperatingPoint
     notes: tuple[str, ...]
+    doubts: tuple[Doubt, ...]
 
 
 class ModelSource:
@@ -101,7 +102,8 @@ class ModelSource:
             self.failed[value] = point.reason or "no linear model"
         else:
             result = point.result
-            self.results[value] = Known(self._poles(result), result.state_names, result.operating_point, result.notes)
+            poles = self._poles(result)
+            self.results[value] = Known(poles, result.state_names, result.operating_point, result.notes, result.doubts)
 
     def _poles(self, linear: LinResult) -> Poles:
         accuracy = _ACCURACY.get(linear.method, 0.0)
