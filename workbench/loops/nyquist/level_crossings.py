@@ -43,7 +43,7 @@ def gain_crossings(f: LinearPart) -> list[float]:
 
     turning = _turning(f)
     turning = turning[(turning > 0.0) & (turning < f.highest_hz)]
-    return _roots(level, np.union1d(level_frequencies(f, _gain_pencil), turning), f.highest_hz)
+    return _roots(level, np.union1d(level_frequencies(f, _gain_pencil), scan(f, turning)), f.highest_hz)
 
 
 def real_crossings(f: LinearPart) -> list[float]:
