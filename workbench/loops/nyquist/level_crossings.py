@@ -41,7 +41,9 @@ def gain_crossings(f: LinearPart) -> list[float]:
         with np.errstate(divide="ignore"):
             return np.log(np.abs(f.response(frequency)))
 
-    return _roots(level, level_frequencies(f, _gain_pencil), f.highest_hz)
+    turning = _turning(f)
+    turning = turning[(turning > 0.0) & (turning < f.highest_hz)]
+    return _roots(level, np.union1d(level_frequencies(f, _gain_pencil), scan(f, turning)), f.highest_hz)
 
 
 def real_crossings(f: LinearPart) -> list[float]:
@@ -59,7 +61,7 @@ def real_crossings(f: LinearPart) -> list[float]:
         there = ~(np.abs(value.imag) <= _ROUNDING * size)  # NaN stays NaN
         return np.divide(value.imag, size, out=np.zeros(len(size)), where=there)
 
-    result = np.array(_roots(imaginary, level_frequencies(f, _odd_pencil), f.highest_hz))
+    result = np.array(_roots(imaginary, level_frequencies(f, _odd_pencil), f.highest_hz, closely=False))
     return [] if not len(result) else result[np.abs(imaginary(result)) < _REAL].tolist()
 
 
@@ -76,27 +78,30 @@ def scan(f: LinearPart, candidates: Floats | None = None) -> Floats:
     return grid[grid < f.highest_hz]
 
 
-def _roots(g: Callable[[Floats], Floats], candidates: Floats, highest: float) -> list[float]:
+def _roots(g: Callable[[Floats], Floats], candidates: Floats, highest: float, *, closely: bool = True) -> list[float]:
     """Return where g, a function of frequencies, changes its sign."""
     if not len(candidates):
         return []
     ends = [candidates[0] * 0.5, min(candidates[-1] * 2.0, _below(highest))]
     middles = np.log(np.unique(np.concatenate([np.sqrt(candidates[1:] * candidates[:-1]), ends])))
-    return sign_changes(g, middles)
+    return sign_changes(g, middles, closely=closely)
 
 
-def sign_changes(g: Callable[[Floats], Floats], samples: Floats) -> list[float]:
+def sign_changes(g: Callable[[Floats], Floats], samples: Floats, *, closely: bool = True) -> list[float]:
     """Return the frequencies where g changes its sign, rising [Hz].
 
     Args:
         g: of frequencies [Hz]; where it is NaN or 0 it tells nothing.
         samples: logarithms of frequencies, rising, close enough that g has no more than one extreme between three.
+        closely: whether to look where g is nearest to 0, too; not where rounding alone makes it change its sign.
     """
 
     def at(t: float) -> float:
         return float(g(np.exp([t]))[0])
 
-    t, v = _nearest_to_zero(g, samples, g(np.exp(samples)))
+    t, v = samples, g(np.exp(samples))
+    if closely:
+        t, v = _nearest_to_zero(g, t, v)
     signs = [(x, y) for x, y in zip(t.tolist(), v.tolist(), strict=True) if not np.isnan(y) and y != 0.0]
     steps = [(a, b) for (a, u), (b, w) in pairwise(signs) if (u < 0.0) != (w < 0.0)]
     # Of many frequencies at once g is rounded in another way: a sign that one alone does not have is rounding.
@@ -149,7 +154,6 @@ def level_frequencies(f: LinearPart, pencil: Callable[[LinearPart], tuple[Floats
     nu = np.abs(w[np.isfinite(w)].imag)
     nu = nu[(nu > 0.0) & (nu < 1e15)]
     hz = (2.0 * np.arctan(nu) / f.dt if f.dt > 0.0 else nu) / (2.0 * np.pi)
-    hz = np.concatenate([hz, _turning(f)])
     hz = hz[(hz > 0.0) & (hz < f.highest_hz)]
     return np.unique(np.concatenate([hz, scan(f, hz)]))
 
