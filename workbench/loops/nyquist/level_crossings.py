@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 
 from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import LinearPart
+from workbench.core.values.matrices import balance
 from workbench.core.values.poles import continuous, damped_frequency_hz, natural_frequency_hz, vanished
 
 __all__ = ["gain_crossings", "level_frequencies", "real_crossings", "scan", "sign_changes"]
@@ -104,9 +105,17 @@ def sign_changes(g: Callable[[Floats], Floats], samples: Floats, *, closely: boo
         t, v = _nearest_to_zero(g, t, v)
     signs = [(x, y) for x, y in zip(t.tolist(), v.tolist(), strict=True) if not np.isnan(y) and y != 0.0]
     steps = [(a, b) for (a, u), (b, w) in pairwise(signs) if (u < 0.0) != (w < 0.0)]
-    # Of many frequencies at once g is rounded in another way: a sign that one alone does not have is rounding.
-    steps = [(a, b) for a, b in steps if (at(a) < 0.0) != (at(b) < 0.0)]
-    return [float(np.exp(brentq(at, a, b, xtol=1e-14, rtol=1e-14))) for a, b in steps]
+    roots = (_root(at, a, b) for a, b in steps)
+    return [float(np.exp(root)) for root in roots if root is not None]
+
+
+def _root(at: Callable[[float], float], a: float, b: float) -> float | None:
+    """Return where a function changes its sign that has two at a and b among many; None: that was rounding."""
+    ends = {a: at(a), b: at(b)}
+    if (ends[a] < 0.0) != (ends[b] < 0.0):
+        return float(brentq(at, a, b, xtol=1e-14, rtol=1e-14))
+    small, large = sorted((a, b), key=lambda t: abs(ends[t]))
+    return small if abs(ends[small]) <= _ROUNDING < abs(ends[large]) else None  # it is at an end
 
 
 def _nearest_to_zero(g: Callable[[Floats], Floats], t: Floats, v: Floats) -> tuple[Floats, Floats]:
@@ -145,7 +154,7 @@ def level_frequencies(f: LinearPart, pencil: Callable[[LinearPart], tuple[Floats
         pencil: of a continuous one → (a, b) whose generalised eigenvalues are the zeros of the function.
     """
     try:
-        plane = _bilinear(f) if f.dt > 0.0 else f
+        plane = _balanced(_bilinear(f) if f.dt > 0.0 else f)
         a, b = pencil(plane)
         with np.errstate(all="ignore"):
             w = eigvals(a, b)
@@ -168,6 +177,13 @@ def _turning(f: LinearPart) -> Floats:
     zeros = zeros[np.isfinite(zeros) & (np.abs(zeros) < 1e15)]
     s = np.concatenate([f.continuous_poles, continuous(zeros[~vanished(zeros, f.dt)], f.dt)])
     return np.asarray((np.abs(s.imag)[:, None] + np.abs(s.real)[:, None] * _BESIDE).ravel() / (2.0 * np.pi))
+
+
+def _balanced(f: LinearPart) -> LinearPart:
+    """Return the system in states whose sizes are alike: a companion form has coefficients of all sizes."""
+    n = len(f.A)
+    whole, _ = balance(np.block([[f.A, f.B], [f.C, f.D]]))
+    return LinearPart(whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:])
 
 
 def _bilinear(f: LinearPart) -> LinearPart:
