@@ -7,6 +7,7 @@ import math
 import control
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from scipy.signal import tf2ss
 
 import workbench as wb
@@ -152,6 +153,10 @@ DIPS = {
         [34.0332165715, 107.234626148, 373296.318, 12641.2707014, 768755.652715],
         [1.0, 68.990099101, 1320.2819068, 26567.9879805, 352974.699124],
     ),
+    "direct part 3434": (
+        [3434.380700389654, 4267.51134636724, 206583.3184431255, 19462.570648602938, 112637.8065275716],
+        [1.0, 72.26948661813677, 926.5494272549872, 6452.31227822739, 44563.26739033355],
+    ),
     "far below": (
         [1.83909060059, 8.88524518679, 540.42673306, 1303.75926425, 29664.3358645, 40747.2982879],
         [1.0, 218.5257733, 13014.1276943, 209099.796661, 9654689.35936, 0.0],
@@ -175,6 +180,17 @@ def test_no_crossover_at_a_dip_below_a_large_direct_part_is_overlooked(name: str
     m = margins_of(loop_transfer)
     assert m.disk is not None
     assert m.disk.alpha == pytest.approx(2.0 / np.abs((1.0 - value) / (1.0 + value)).max(), rel=1e-5)
+
+
+def test_the_crossover_of_a_companion_form_with_coefficients_of_all_sizes() -> None:
+    num = [50738.025904966205, 606177.2482486382, 1685510805.3655336, 11053748322.76831, 8050263843.905396]
+    den = [1.0, 22.156452093177933, 80538.14975661343, 1056246.174178162, 1618843095.0342557, 7323682936.168152]
+
+    def gain(f: float) -> float:
+        s = 1j * TWO_PI * f
+        return math.log(abs(np.polyval(num, s) / np.polyval(den, s)))
+
+    assert gain_crossings(LinearPart(*tf2ss(num, den))) == pytest.approx([brentq(gain, 7000.0, 9000.0)], rel=1e-9)
 
 
 @pytest.mark.parametrize(("direct", "margin"), [(2.0, 0.0), (1.0, 0.0), (-1.5, math.nan), (0.5, None)])

@@ -19,6 +19,7 @@ __all__ = ["gain_crossings", "level_frequencies", "real_crossings", "scan", "sig
 # |Im F| / |F| at a crossing of the real axis: rounding of the frequency leaves 1e-14/ζ of it where a mode of damping ζ
 # makes the curve cross; at a pole on the axis it is 1.
 _REAL = 1e-3
+_ONE = 1e-9  # relative: candidates that are nearer to each other are one
 _ROUNDING = 1e-13  # of |F|: an imaginary part below this has no sign
 _BESIDE = np.array([-4.0, -1.0, 0.0, 1.0, 4.0])  # times its damping: around a pole or zero, where F turns
 _PARTS = 8  # of the stretch around a value that is nearest to 0; each round leaves two of them
@@ -83,6 +84,8 @@ def _roots(g: Callable[[Floats], Floats], candidates: Floats, highest: float, *,
     """Return where g, a function of frequencies, changes its sign."""
     if not len(candidates):
         return []
+    # One eigenvalue that rounding makes two: between these lies the crossing itself, where the sign is rounding.
+    candidates = candidates[np.append(True, np.diff(candidates) > _ONE * candidates[1:])]
     ends = [candidates[0] * 0.5, min(candidates[-1] * 2.0, _below(highest))]
     middles = np.log(np.unique(np.concatenate([np.sqrt(candidates[1:] * candidates[:-1]), ends])))
     return sign_changes(g, middles, closely=closely)
