@@ -234,3 +234,20 @@ def test_no_interval_of_gains_is_stable_that_only_the_approximation_makes_so(tmp
     with wb.load(path) as model:
         found = wb.feedback(model, source="y", target="u", in_process=True)
     assert not any(low <= -1.0 <= high for low, high in found.stable_gains)
+
+
+def test_points_that_have_not_settled_do_not_tell_that_a_loop_is_stable(tmp_path: Path) -> None:
+    """A mode of 0.15 1/s takes longer than 20 periods: the averages of an unstable loop lie on the safe side of -1."""
+    system = tmp_path / "light.toml"
+    system.write_text(
+        'components.p = {block = "transfer_function", numerator = [30.0], denominator = [1.0, 0.3, 900.0]}\n'
+        'components.d = {block = "delay", delay = 2.0}\ncomponents.e = {sum = "+-"}\n'
+        'connections = {"e.u2" = "p.y", "d.u" = "e.y", "p.u" = "d.y"}\ninputs.r = "e.u1"\noutputs.y = "p.y"\n'
+    )
+    with wb.load(system) as model:
+        found = wb.loop(model, "p.y", amplitudes=[0.1], band=(4.6, 4.9), ratio=1.03, in_process=True)
+    (curve,) = found.curves
+    assert found.linear is not None
+    assert found.linear.stability.verdict == "unstable"
+    assert {p.status for p in curve.points} == {"averaged"}
+    assert curve.margins.verdict == "unknown"

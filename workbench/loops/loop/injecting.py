@@ -138,6 +138,7 @@ def _point(tried: _Try, y: NfrPoint) -> LoopPoint:
         injected=tried.injected,
         balance=abs(z.response - y.response - 1.0),
         status="averaged" if z.averaged or y.averaged else "settled",
+        error=None if z.error is None or y.error is None else z.error + y.error,
         periods=max(z.periods, y.periods),
     )
 

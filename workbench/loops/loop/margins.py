@@ -142,8 +142,9 @@ def _largest(f: LinearPart, frequencies: Floats) -> tuple[float, float]:
 
 
 def curve_margins(
-    frequency_hz: Floats, value: Complex, *, linear: Margins | None = None, stability: ClosedLoopStability | None = None
-) -> Margins:
+    frequency_hz: Floats, value: Complex, *, linear: Margins | None = None,
+    stability: ClosedLoopStability | None = None, doubt: str = "",
+) -> Margins:  # fmt: skip
     """Return the margins of a measured loop transfer, interpolated in log gain and phase over log frequency.
 
     Only what lies between the lowest and the highest frequency is seen. Stability cannot be read off a curve alone. The
@@ -155,20 +156,18 @@ def curve_margins(
         value: L there, shape (k,).
         linear: margins of the linear loop at the operating point, if known.
         stability: of that loop.
+        doubt: why the values do not tell on which side of -1 the curve passes; empty: they do.
     """
     result = Response(frequency_hz, value).margins()
-    verdict, words = _verdict(result.phase_crossovers, frequency_hz, linear, stability)
+    why = doubt or _why_unknown(frequency_hz, linear, stability)
+    verdict, words = _verdict(result.phase_crossovers, linear, stability, why)
     disk = result.disk if verdict in (STABLE, UNKNOWN) else None
     return replace(result, verdict=verdict, words=words, disk=disk)
 
 
 def _verdict(
-    phase: tuple[PhaseCrossover, ...],
-    frequency_hz: Floats,
-    linear: Margins | None,
-    stability: ClosedLoopStability | None,
+    phase: tuple[PhaseCrossover, ...], linear: Margins | None, stability: ClosedLoopStability | None, why: str
 ) -> tuple[str, str]:
-    why = _why_unknown(frequency_hz, linear, stability)
     count = (
         0
         if why or linear is None or stability is None

@@ -121,7 +121,20 @@ def _margins(result: Sequence[LoopPoint], linear: LinearLoop | None) -> Margins:
         np.array([p.value for p in good], dtype=np.complex128),
         linear=None if known is None else known.margins,
         stability=None if known is None else known.stability,
+        doubt=_hidden(good),
     )
+
+
+def _hidden(points: Sequence[LoopPoint]) -> str:
+    """Return why these points do not tell on which side of -1 the curve passes; empty: they do."""
+    hidden = [
+        p for p in points
+        if p.status == "averaged" and p.value is not None
+        and (p.error is None or p.error * abs(p.value) >= abs(1.0 + p.value))
+    ]  # fmt: skip
+    if not hidden:
+        return ""
+    return f"{len(hidden)} points have not settled, and their errors, or what is not known of them, may reach -1"
 
 
 def _closer(points: Points, amplitudes: Sequence[float]) -> list[tuple[float, float]]:
@@ -197,6 +210,7 @@ def _point(result: NfrPoint, mean: float) -> LoopPoint:
         thd_returned=None if known is None else known.thd,
         harmonics=() if known is None else known.harmonics,
         status=result.status,
+        error=result.error,
         periods=result.periods,
         reason=result.reason,
         kind=result.kind,

@@ -33,6 +33,7 @@ class LoopPoint(RecordPart):
         balance: injection: by how much passed - returned - injected fails to vanish, relative to the injected sine;
             all three are measured, so this is an error that was seen.
         status: "settled", "averaged" or "failed".
+        error: of L, relative to the true one, with 95 % confidence; None: not known.
         periods: run.
         reason: why it failed.
         kind: what went wrong, see `WorkbenchError.kind`; None where nothing did.
@@ -48,6 +49,7 @@ class LoopPoint(RecordPart):
     injected: float | None = None
     balance: float | None = None
     status: str = "settled"
+    error: float | None = None
     periods: int = 0
     reason: str | None = None
     kind: str | None = None
