@@ -71,6 +71,7 @@ class VariationalEquation:
 
 
 _KEPT = 6
+_FEW = 5  # states: of so few many matrices at once are as fast
 
 
 def instants(begin: float, period: float, intervals: int) -> Floats:
@@ -108,6 +109,8 @@ def tangent(
     """
     k, n = len(slopes.x) - 1, slopes.x.shape[1]
     half = period / k
+    if n > _FEW and (slopes.A[1:] == slopes.A[1]).all() and (slopes.C[1:, 0] == slopes.C[1, 0]).all():
+        return _of_constant(slopes, period, unit, order, rows=rows)
     A = np.zeros((k, n + 1, n + 1))
     A[:, :n, :n] = slopes.A[1:] * unit / unit[:, None]
     A[:, :n, n] = slopes.dx[1:] / unit / period
@@ -137,6 +140,44 @@ def tangent(
         if not (np.isfinite(coarse).all() and np.isfinite(result).all()):
             return None
     return VariationalEquation(Phi, result / unit, stretch, through, coarse=coarse[:n, :n] * unit[:, None] / unit)
+
+
+def _of_constant(
+    slopes: NativeSlopes, period: float, unit: Floats, order: int, *, rows: bool
+) -> VariationalEquation | None:
+    """Return the same where A and C are the same all along: one exponential E, and its powers, vector by vector."""
+    k, n = len(slopes.x) - 1, slopes.x.shape[1]
+    half, A = period / k, slopes.A[1] * unit / unit[:, None]
+    driven = slopes.dx[1:] / unit / period
+    mixed = np.empty_like(driven)
+    mixed[0::2] = 2.0 * (_ALPHA * driven[0::2] + _BETA * driven[1::2])
+    mixed[1::2] = 2.0 * (_ALPHA * driven[1::2] + _BETA * driven[0::2])
+    with np.errstate(over="ignore", invalid="ignore"), one_thread():
+        # e^(h[A, I; 0, 0]) holds e^(hA) and what a constant b adds, ∫e^(sA) ds.
+        whole = exponentials(half * np.block([[A, np.eye(n)], [np.zeros((n, 2 * n))]])[None])[0]
+        E, added = whole[:n, :n], whole[:n, n:] @ mixed.T
+        Phi, stretch = np.linalg.matrix_power(E, k), np.zeros(n)
+        for i in range(k):
+            stretch = E @ stretch + added[:, i]
+        if not (np.isfinite(Phi).all() and np.isfinite(stretch).all()):
+            return None
+        through = np.max(np.abs(slopes.C[:, 0]), axis=0)
+        outer = Phi * unit[:, None] / unit
+        if not rows:
+            return VariationalEquation(outer, np.zeros((3, n)), stretch * unit, through)
+        omega, c = 2.0 * math.pi * order / period, slopes.C[1, 0] * unit
+        integral = np.linalg.solve((A - 1j * omega * np.eye(n)).T, c)
+        turning = np.exp(-1j * omega * half)
+        first, part = np.zeros(n, dtype=np.complex128), integral @ E * turning - integral
+        mean, row = np.zeros(n), c
+        for i in range(k):
+            first += part * turning**i
+            part, following = part @ E, row @ E
+            mean, row = mean + row + following, following
+        result = np.array([0.5 / k * mean, *(2j / period * first).view(np.float64).reshape(n, 2).T])
+        if not np.isfinite(result).all():
+            return None
+    return VariationalEquation(outer, result / unit, stretch * unit, through, coarse=outer)
 
 
 def _apart(Phi: Floats, other: Floats) -> float:
