@@ -182,7 +182,8 @@ class _SmallMoves:
 
 def _numbers_of(model: Model) -> Floats | None:
     """Return all numbers that a system consists of; None: it is an FMU, or has one, or a function."""
-    if getattr(model, "system", None) is None:
+    system = getattr(model, "system", None)
+    if system is None:
         return None
     # What systems consist of is imported for them alone.
     from workbench.system.description import (  # noqa: PLC0415
@@ -193,7 +194,6 @@ def _numbers_of(model: Model) -> Floats | None:
         SystemDescription,
     )
 
-    system = getattr(model, "system", None)
     if not isinstance(system, SystemDescription):
         return None
     result: list[float] = [n for c in system.connections for n in (c.gain, c.offset)]

@@ -114,9 +114,7 @@ def tangent(
     A = np.zeros((k, n + 1, n + 1))
     A[:, :n, :n] = slopes.A[1:] * unit / unit[:, None]
     A[:, :n, n] = slopes.dx[1:] / unit / period
-    mixed = np.empty_like(A)
-    mixed[0::2] = 2.0 * (_ALPHA * A[0::2] + _BETA * A[1::2])
-    mixed[1::2] = 2.0 * (_ALPHA * A[1::2] + _BETA * A[0::2])
+    mixed = _mixed(A)
     # Where a limit is met within an interval, a quick mode comes or goes, and the negative weight would let it grow.
     quick = 2.0 * half * np.max(np.abs(A[1::2] - A[0::2])[:, :n, :n], axis=(1, 2), initial=0.0) > _CHANGED
     mixed[np.repeat(quick, 2)] = A[np.repeat(quick, 2)]
@@ -142,20 +140,26 @@ def tangent(
     return VariationalEquation(Phi, result / unit, stretch, through, coarse=coarse[:n, :n] * unit[:, None] / unit)
 
 
+def _mixed(at_nodes: Floats) -> Floats:
+    """Return what both exponentials of each interval hold, by the values at its two Gauss points, shape (k, ...)."""
+    first, second = at_nodes[0::2], at_nodes[1::2]
+    result = np.empty_like(at_nodes)
+    result[0::2] = 2.0 * (_ALPHA * first + _BETA * second)
+    result[1::2] = 2.0 * (_ALPHA * second + _BETA * first)
+    return result
+
+
 def _of_constant(
     slopes: NativeSlopes, period: float, unit: Floats, order: int, *, rows: bool
 ) -> VariationalEquation | None:
     """Return the same where A and C are the same all along: one exponential E, and its powers, vector by vector."""
     k, n = len(slopes.x) - 1, slopes.x.shape[1]
     half, A = period / k, slopes.A[1] * unit / unit[:, None]
-    driven = slopes.dx[1:] / unit / period
-    mixed = np.empty_like(driven)
-    mixed[0::2] = 2.0 * (_ALPHA * driven[0::2] + _BETA * driven[1::2])
-    mixed[1::2] = 2.0 * (_ALPHA * driven[1::2] + _BETA * driven[0::2])
+    driven = _mixed(slopes.dx[1:] / unit / period)
     with np.errstate(over="ignore", invalid="ignore"), one_thread():
         # e^(h[A, I; 0, 0]) holds e^(hA) and what a constant b adds, ∫e^(sA) ds.
         whole = exponentials(half * np.block([[A, np.eye(n)], [np.zeros((n, 2 * n))]])[None])[0]
-        E, added = whole[:n, :n], whole[:n, n:] @ mixed.T
+        E, added = whole[:n, :n], whole[:n, n:] @ driven.T
         Phi, stretch = np.linalg.matrix_power(E, k), np.zeros(n)
         for i in range(k):
             stretch = E @ stretch + added[:, i]
