@@ -148,12 +148,14 @@ def point(lab: Lab) -> Iterator[Row]:
 
 def nfr(lab: Lab) -> Iterator[Row]:
     """A point of a frequency response beside the periods that it reports, over the number of states."""
-    for n in (10, 100, 300, 500, 1000, 2000, 5000)[: lab.fewer(7, 4)]:
-        rod = lab.made("large", kind="rod", n=n)
+    rods = (10, 100, 300, 500, 1000, 2000, 5000)[: lab.fewer(7, 4)]
+    chains = (100, 300, 1000)[: lab.fewer(3, 2)]  # of light modes, at a static point
+    for kind, n in (*(("rod", n) for n in rods), *(("chain", n) for n in chains)):
+        file, series = lab.made("large", kind=kind, n=n), "a point of nfr over states" if kind == "rod" else ""
         asked = {"input": "u", "output": "y", "frequencies": [0.1], "amplitudes": [1.0]}
-        ours = Side("nfr", "analysis", {"name": "nfr", "file": rod, **asked}, "a point of nfr over states")
-        kernel = Side("its periods in a session", "kernel_periods", {"file": rod, "frequency": 0.1})
-        yield Row(f"nfr of a rod, a point, {n} states", ours, kernel, ratio, "×", 3.0 if n >= 100 else 8.0, size=n)
+        ours = Side("nfr", "analysis", {"name": "nfr", "file": file, **asked}, series)
+        kernel = Side("its periods in a session", "kernel_periods", {"file": file, "frequency": 0.1})
+        yield Row(f"nfr of a {kind}, a point, {n} states", ours, kernel, ratio, "×", 3.0 if n >= 100 else 8.0, size=n)
 
 
 def response(_: Lab) -> Iterator[Row]:

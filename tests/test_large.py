@@ -24,6 +24,7 @@ from workbench.errors import SimulationError
 from workbench.model.described_model import DescribedModel
 from workbench.point.lin.page import lin_page
 from workbench.response.nfr import period_solver as solved
+from workbench.response.periodic.period_map import PeriodMap
 from workbench.session import directional
 from workbench.session.compiled import CompiledMeSession
 from workbench.show.terminal import text_of
@@ -366,3 +367,37 @@ def test_a_point_of_a_model_too_large_for_slopes_is_right(folder: Path, monkeypa
     A, B = rod()
     exact = np.linalg.solve(2j * np.pi * 0.5 * np.eye(N) - A, B)[-1]
     assert found.response[0][0] == pytest.approx(exact, rel=1e-4)
+
+
+def chain_gain(n: int, frequency: float) -> complex:
+    """Return the response of the chain from its force to its last mass, by the determinant of a tridiagonal matrix."""
+    stiffness, s = 0.25 * n * n, 2j * math.pi * frequency
+    ratio = 2.0 * stiffness + s * s + 0.2 * s
+    gain = 1.0 / ratio  # of one mass; each further one multiplies by stiffness over the quotient of determinants
+    for _ in range(n // 2 - 1):
+        ratio = 2.0 * stiffness + s * s + 0.2 * s - stiffness**2 / ratio
+        gain *= stiffness / ratio
+    return gain
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-8, 1e-9])
+def test_a_point_of_many_light_modes_takes_a_period_and_its_error_holds(
+    folder: Path, tolerance: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The states at the far end move by less than the integration looks at: no period closes better than the first."""
+    n, periods = 200, 0
+    lap = PeriodMap.lap
+
+    def counted(*args: object, **kwargs: object) -> object:
+        nonlocal periods
+        periods += 1
+        return lap(*args, **kwargs)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(PeriodMap, "lap", counted)
+    frequencies = [0.02, 0.1, 0.3, 1.0]
+    with wb.load(build_large(folder, "chain", n), tolerance=tolerance) as model:
+        found = wb.nfr(model, "u", "y", frequencies=frequencies, amplitudes=[1.0], in_process=True)
+    exact = np.array([chain_gain(n, f) for f in frequencies])
+    assert (np.abs(found.response[0] / exact - 1.0) <= found.error[0]).all()
+    assert (found.error[0] <= 0.01).all()
+    assert periods <= 2 * len(frequencies)

@@ -44,12 +44,14 @@ class Harmonics:
         inputs: the same of each forced input, as the FMU saw it.
         largest: recorded name → largest magnitude.
         gap: largest distance of two rows [s]; in co-simulation the longest communication step.
+        steps: that the solver took; of co-simulation, communication steps.
     """
 
     values: dict[str, Floats]
     inputs: dict[str, Floats]
     largest: dict[str, float]
     gap: float
+    steps: int
 
 
 _AT_ITS_END = 0.01  # of its default experiment: a failure so near to its end may be for that
@@ -148,6 +150,7 @@ class CompiledSession(FmuSession):
         sums = self.loop.fourier(n_inputs + n, orders=orders)
         sums.aim(begin=begin, frequency=frequency, known=_known(points, basis, orders), grid=not self._communicates)
         targets, variables, new = self._set_out(until, signals, record, points)
+        before = self.loop.system.structure.steps
         with self._under_way(until, variables, sums) as (native, rows):
             self.loop.run(native, targets, rows, new=new)
         result = sums.result()
@@ -156,6 +159,7 @@ class CompiledSession(FmuSession):
             inputs=dict(zip(signals, result[:n_inputs], strict=True)),
             largest=dict(zip(record, sums.largest[n_inputs:].tolist(), strict=True)),
             gap=sums.gap,
+            steps=self.loop.system.structure.steps - before,
         )
 
 

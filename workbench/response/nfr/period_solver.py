@@ -255,14 +255,16 @@ class Search:
         before, rate = self._before, 0.0
         if before is not None:
             rate = distance / max(before[1], 1e-300)
-        good = change <= self._tolerance and distance <= REACHED and (left <= _LEFT or self._is_small(lap))
+        near = distance <= REACHED
+        noisy = not near and self._alike(lap) and bool((np.abs(e) <= self._unseen(lap)).all())
+        good = change <= self._tolerance and (near or noisy) and (left <= _LEFT or self._is_small(lap))
         self._quiet = self._quiet + 1 if good else 0
         trusted = at is not self._linear or self._alike(lap)
         if self._checking is not None:
             self._check(self._checking, at)
             return
         if self._quiet > (lap.events > 0) and trusted:
-            result = self._solved(lap, at, e)
+            result = self._solved(lap, at, e, noisy=noisy)
             slopes = at is not self._linear and not self._differ and len(lap.x0) > 0
             if slopes and _largest(at) > _HARMLESS and self._more_instants():
                 self._checking, self._x = result, lap.x0 + e
@@ -368,23 +370,26 @@ class Search:
         """Whether what is left of the defect hardly moves the states in a period."""
         return float(np.max(np.abs(lap.defect / lap.unit), initial=0.0)) <= 1e-2 * self._tolerance
 
-    def _solved(self, lap: Lap, at: VariationalEquation, e: Floats) -> Solved:
+    def _solved(self, lap: Lap, at: VariationalEquation, e: Floats, *, noisy: bool = False) -> Solved:
         harmonics = lap.period.harmonics.copy()
         step = at.rows @ e
         harmonics[:3] += step
         size = abs(fundamental(harmonics))
         change = MARGIN * abs(complex(step[1], step[2])) / size + ROUNDING * lap.period.size / size
+        if noisy:  # the next period would have another defect of that size
+            change += float(np.abs(resolvent_rows(lap, at)) @ np.abs(lap.defect)) / size
         error = relative_to_true(
             change + self._integration(lap, at, harmonics) + quadrature(harmonics, self._task.rows)
         )
         twin = self._evidence.twin
-        coarse = below_scale(None if twin is None else twin.forced, self._evidence.rtol, size) > BELIEVED
+        rtol = self._evidence.over(lap.period.steps).rtol
+        coarse = below_scale(None if twin is None else twin.forced, rtol, size) > BELIEVED
         stable = is_stable(at.multipliers, at.doubt)
         return Solved(lap, at, harmonics, error, self._count, stable, lap.x0 + e, coarse)
 
     def _integration(self, lap: Lap, at: VariationalEquation, harmonics: Floats) -> float:
         """Return what the integration gets wrong, relative to the response."""
-        rtol, size = self._evidence.rtol, abs(fundamental(harmonics))
+        rtol, size = self._evidence.over(lap.period.steps).rtol, abs(fundamental(harmonics))
         twin = self._evidence.twin
         if not rtol:
             return 0.0
@@ -394,9 +399,23 @@ class Search:
             result = of_integration(twin.forced, rtol, slow, drive=drive, size=size, largest=lap.period.size)
         if at.through is None:
             return result
-        smallest, _ = self.periods.session.scales()
-        slip = rtol * PER_PERIOD * (np.abs(lap.x0) + np.maximum(lap.unit, smallest))
-        return min(result, float((np.abs(resolvent_rows(lap, at)) + at.through) @ slip) / size)
+        return min(result, float((np.abs(resolvent_rows(lap, at)) + at.through) @ self._slip(lap)) / size)
+
+    def _slip(self, lap: Lap) -> Floats:
+        """Return by how much the integration may have each state wrong at the end of a period, shape (n,)."""
+        return self._evidence.over(lap.period.steps).rtol * PER_PERIOD * self._weights(lap)
+
+    def _unseen(self, lap: Lap) -> Floats:
+        """Return how far each state may be off without the integration having seen it, shape (n,).
+
+        Its test holds the root mean square over the states in each step, so that one may have √n times that.
+        """
+        allowed = self._evidence.rtol * lap.period.steps * math.sqrt(len(lap.x0)) * self._weights(lap)
+        return np.maximum(REACHED * lap.unit, allowed)
+
+    def _weights(self, lap: Lap) -> Floats:
+        weights: Floats = np.abs(lap.x0) + np.maximum(lap.unit, self.periods.session.scales()[0])
+        return weights
 
 
 def _largest(at: VariationalEquation) -> float:

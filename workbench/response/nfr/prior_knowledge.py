@@ -164,6 +164,13 @@ class LinearSineResponse:
     rest: Floats
     smallest: float
 
+    @cached_property
+    def memory(self) -> float:
+        """For what part of a period the model remembers where it was, at most 1."""
+        known = self.multipliers
+        largest = float(np.linalg.norm(self.phi) if known is None else np.max(np.abs(known), initial=0.0))
+        return 1.0 / max(1.0, -math.log(largest)) if largest > 0.0 else 0.0
+
     @classmethod
     def of(cls, start: LinearStart, frequency: float) -> LinearSineResponse:
         """Return that of a frequency [Hz]."""

@@ -252,7 +252,7 @@ class Settling:
         means = limit.periods[-whole * every :].reshape(whole, every, -1).mean(axis=1)
         tends = remove_transient(means, compared=1 + 2 * COMPARED)
         last = self.periods[-1]
-        alone = replace(self.evidence, beat=None, twin=None)
+        alone = replace(self.evidence.over(last.steps), beat=None, twin=None)
         error = error_of_limit(tends, abs(last.drive), last.size, alone)
         if error > BELIEVED:
             return None
@@ -263,7 +263,7 @@ class Settling:
 
     def _of_limit(self, limit: Limit, outcome: SettlingOutcome) -> PointResponse:
         last = self.periods[-1]
-        error = error_of_limit(limit, abs(last.drive), last.size, self.evidence)
+        error = error_of_limit(limit, abs(last.drive), last.size, self.evidence.over(last.steps))
         return self._response(limit.harmonics, outcome, limit.defect, error, beyond(limit))
 
     def _of_mean(self, limit: Limit, of_limit: PointResponse, outcome: SettlingOutcome) -> PointResponse:

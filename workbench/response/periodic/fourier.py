@@ -34,11 +34,13 @@ class Period:
         drive: fundamental of the input that the model really saw, as a complex amplitude
             (in-phase + j·quadrature), [unit of the input].
         size: largest magnitude of the output, [unit of the output].
+        steps: that the integration took; 0: not known.
     """
 
     harmonics: Floats
     drive: complex
     size: float
+    steps: int = 0
 
     @property
     def compared(self) -> Floats:

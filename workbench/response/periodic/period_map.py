@@ -101,7 +101,8 @@ class PeriodRange:
 def period_of(result: Harmonics) -> Period:
     """Return what the one output did in a period, and the one input, where there is one."""
     (output,), inputs = result.values, list(result.inputs.values())
-    return Period(result.values[output], fundamental(inputs[0]) if inputs else 0.0j, result.largest[output])
+    drive = fundamental(inputs[0]) if inputs else 0.0j
+    return Period(result.values[output], drive, result.largest[output], result.steps)
 
 
 @lru_cache(maxsize=8)
