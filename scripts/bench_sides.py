@@ -23,6 +23,7 @@ from scipy.linalg import expm
 
 import workbench as wb
 from workbench.core.values.arrays import Floats
+from workbench.response.periodic.period_map import ROWS
 
 Run = Callable[[], object]
 Options = Mapping[str, Any]
@@ -94,14 +95,15 @@ def ring_simulation(n: int, *, feed_through: bool) -> Run:
 
 
 def kernel_periods(file: str, frequency: float) -> Run:
-    """Only advance a session over as many periods of the sine as nfr says that it ran."""
+    """Only advance a session over as many periods of the sine as nfr says that it ran, with as many rows of each."""
     with wb.load(file) as model:
         found = wb.nfr(model, "u", "y", frequencies=[frequency], amplitudes=[1.0], in_process=True)
-    model, signals = wb.load(file, tolerance=1e-8), {"u": wb.Sine(frequency=frequency)}
+    model, signals = wb.load(file), {"u": wb.Sine(frequency=frequency)}
+    points = np.arange(1, 1 + ROWS * int(found.periods[0, 0])) / (ROWS * frequency)
 
     def run() -> None:
         with model.open_session() as session:
-            session.advance(int(found.periods[0, 0]) / frequency, signals=signals, record=["y"])
+            session.advance(float(points[-1]), signals=signals, record=["y"], points=points)
 
     return run
 
