@@ -13,7 +13,9 @@ import workbench as wb
 from workbench.cli.app import run
 from workbench.loops.loop.result import LoopResult
 from workbench.point.lin.delay_roots import count_right_of, delay_roots
+from workbench.point.lin.page import lin_page
 from workbench.point.lin.result import DelayFreePart
+from workbench.show.terminal import text_of
 
 LOOP = """
 [components]
@@ -251,3 +253,15 @@ def test_points_that_have_not_settled_do_not_tell_that_a_loop_is_stable(tmp_path
     assert found.linear.stability.verdict == "unstable"
     assert {p.status for p in curve.points} == {"averaged"}
     assert curve.margins.verdict == "unknown"
+
+
+def test_the_page_of_a_linear_model_shows_the_poles_with_the_delays_themselves(tmp_path: Path) -> None:
+    """s + 1 + e^(−0.5 s): its poles are branches of Lambert's W, the second pair is not that of order 4."""
+    file = tmp_path / "loop.toml"
+    file.write_text(LOOP.format(num=[1.0], den=[1.0, 1.0], delay=0.5))
+    with wb.load(file) as model:
+        page = text_of(lin_page(wb.lin(model, in_process=True).result), None)
+    for branch in (0, 1):
+        pole = complex(lambertw(-0.5 * math.exp(0.5), branch)) / 0.5 - 1.0
+        assert f"{pole.real:.6g} + {pole.imag:.6g}j" in page
+    assert "damping ratio 0.343" in page

@@ -225,7 +225,7 @@ def _words(cut: _Cut, dt: float) -> str:
         return f"{name} as a chain of {round(cut.time / dt)} samples"
     return (
         f"{name} as a Padé approximation of order {cut.order} in A, B, C, D, whose phase is within {_GOOD:g}° up to "
-        f"{phase_holds_to(cut.time, cut.order):.3g} Hz; the frequency response of this result has the delay itself"
+        f"{phase_holds_to(cut.time, cut.order):.3g} Hz; the frequency response and `delay_poles` have the delay itself"
     )
 
 

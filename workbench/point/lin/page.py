@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from workbench.core.values.arrays import Complex
 from workbench.core.values.operating_point import told
 from workbench.core.values.poles import (
     ON_BORDER,
@@ -75,9 +76,10 @@ def _kind(result: LinResult) -> str:
 
 def _motion(result: LinResult) -> list[str]:
     """Return in words whether it is stable, and the oscillation that is damped least."""
-    poles, dt = result.shown_poles[~vanished(result.shown_poles, result.dt)], result.dt
+    seen, all_poles = _seen(result)
+    poles, dt = seen[~vanished(seen, result.dt)], result.dt
     s = continuous(poles, dt)
-    size, among = np.abs(s), "" if result.shows_all_poles else " of those shown"
+    size, among = np.abs(s), "" if all_poles else " of those shown"
     rounding = 0.0 if dt > 0.0 else _ROUNDING * float(np.max(size, initial=0.0))
     beyond, border = sides(poles, dt, relative=ON_BORDER if dt > 0.0 else 0.0, rounding=rounding)
     where = ((beyond, "in the right half-plane"), (border, "on the boundary of stability"))
@@ -92,8 +94,14 @@ def _motion(result: LinResult) -> list[str]:
     return [text for text in (*words, *_with_delays(result)) if text]
 
 
+def _seen(result: LinResult) -> tuple[Complex, bool]:
+    """Return the poles that are described, those with the delays as they are if they are known; and whether all are."""
+    exact = result.delay_poles
+    return (exact, False) if len(exact) else (result.shown_poles, result.shows_all_poles)
+
+
 def _with_delays(result: LinResult) -> list[str]:
-    """Return in words what the delays themselves make of the stability; the poles are of their approximations."""
+    """Return in words what the delays themselves make of the stability, right of all that the poles tell."""
     if result.delayed is None:
         return []
     found = delay_roots(result.delayed, result.poles)
@@ -142,6 +150,10 @@ def _parts(result: LinResult) -> list[Section]:
 
 
 def _poles(result: LinResult) -> PageTable:
+    if len(result.delay_poles):
+        end = result.delay_poles_complete_to
+        which = "the rightmost found, perhaps not all" if end is None else f"all right of {end:.4g} 1/s"
+        return pole_table(result.delay_poles.tolist(), 0.0, f"with the delays as they are, {which}")
     if result.shows_all_poles:
         return pole_table(result.poles.tolist(), result.dt)
     shown = result.shown_poles
