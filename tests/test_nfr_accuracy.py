@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -151,3 +152,27 @@ def test_branches_move_about_the_start_value_of_the_input_too() -> None:
     (there,) = followed.at(0.2)
     assert measured.status == (("settled",),)
     assert there.gain == pytest.approx(measured.gain[0, 0], rel=1e-3)
+
+
+@pytest.mark.parametrize(("delay", "frequency"), [(0.4, 4.3), (0.01, 1.3), (2.7, 0.62)])
+def test_what_a_delay_gets_wrong_is_in_the_error_however_tight_the_tolerance(
+    tmp_path: Path, delay: float, frequency: float
+) -> None:
+    file = tmp_path / "delayed.toml"
+    file.write_text(
+        f"""
+        [components]
+        P = {{ numerator = [1], denominator = [0.03, 1] }}
+        d = {{ block = "delay", delay = {delay} }}
+        [connections]
+        "d.u" = "P.y"
+        [inputs]
+        u = "P.u"
+        [outputs]
+        y = "d.y"
+        """
+    )
+    with wb.load(file, tolerance=1e-12) as model:
+        found = wb.nfr(model, "u", "y", [frequency], [1.0], in_process=True)
+    s = 2j * math.pi * frequency
+    assert 1e-10 < abs(found.response[0, 0] / (np.exp(-s * delay) / (0.03 * s + 1.0)) - 1.0) <= found.error[0, 0]

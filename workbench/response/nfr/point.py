@@ -38,6 +38,10 @@ _REASONS = {
 }
 
 
+# A delay's polynomial is good for 1e-7 of what went in (kernel/delay.c), wrong at most as an integration so exact.
+_OF_DELAYS = 1e-8
+
+
 def _never() -> bool:
     return False
 
@@ -201,6 +205,8 @@ def run_point(
         ArrivedError: `watch` knows where it ends.
     """
     evidence = task.evidence() if evidence is None else evidence
+    if isinstance(session, CompiledSession) and session.instance.has_history:
+        evidence = replace(evidence, rtol=max(evidence.rtol, _OF_DELAYS))
     settling = _settling(session, task, evidence, still)
     sine = task.sine(session.time)
     longest: float | None = None
