@@ -290,7 +290,7 @@ def test_a_system_lists_its_fmus(tmp_path: Path) -> None:
     cells = [e.text for e in found.elements if e.tag == "td"]
     assert sha256(locate("fmu:FirstOrderLag")) in cells
     assert sha256(locate("fmu:FirstOrderLag@3")) in cells
-    assert {"plant", "law", "k", "gain"} <= set(cells)
+    assert {"plant", "law", "k", "gain: gain = -2.0"} <= set(cells)
 
 
 def test_an_origin_goes_with_its_result() -> None:
@@ -427,7 +427,7 @@ def test_that_nothing_was_set_is_told_too(tmp_path: Path) -> None:
     with wb.load("fmu:FirstOrderLag") as model:
         wb.simulate(model, stop=1.0).report(tmp_path / "p.html")
     facts = facts_of_page(read_page(tmp_path / "p.html"))
-    assert facts["parameters"] == "as the FMU has them"
+    assert facts["set"] == "nothing: what is not varied here is as the file has it"
     assert facts["held inputs"] == "u = 0"
 
 

@@ -160,12 +160,16 @@ def test_the_worst_disk_margin_is_that_of_the_loop_at_the_worst_gain(routh: Path
     with wb.load(routh) as system:
         found = wb.robust(system, uncertain={"k.gain": (0.2, 0.4)}, open=["plant.y"], in_process=True)
         margins = wb.loop(system, "plant.y").margins  # its own gain is 0.4
+    with wb.load(routh, start_values={"k.gain": 0.3}) as system:
+        middle = wb.loop(system, "plant.y").margins
     assert margins.disk is not None
+    assert middle.disk is not None
     (disk,) = found.disk_margins
+    assert disk.nominal == pytest.approx(middle.disk.alpha, rel=1e-5)
     assert found.stability.verdict == "stable"
     assert 0.97 * margins.disk.alpha <= disk.alpha <= margins.disk.alpha
-    assert margins.disk.alpha <= disk.found <= 1.01 * margins.disk.alpha
-    assert disk.frequency_hz == pytest.approx(margins.disk.frequency_hz, rel=1e-2)
+    assert disk.found == pytest.approx(margins.disk.alpha, rel=1e-5)
+    assert disk.frequency_hz == pytest.approx(margins.disk.frequency_hz, rel=1e-3)
 
 
 def test_a_time_constant_acts_by_its_inverse_and_the_bounds_hold_that() -> None:

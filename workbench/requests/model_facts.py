@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import weakref
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,9 +19,13 @@ from workbench.model.loading import DEFAULT_TOLERANCE
 from workbench.requests.origin import FmuOrigin, ModelFacts
 
 if TYPE_CHECKING:
+    from workbench.system.description import Component
     from workbench.system.recipe import SystemRecipe
 
 __all__ = ["facts_of", "fmu_facts", "hash_of"]
+
+# Fields of a component that are none of its parameters, and the longest text of one.
+_NO_PARAMETERS, _LONGEST = {"name", "units", "unit", "function"}, 60
 
 # A model's facts are fixed when it is made; an analysis may be called thousands of times on it.
 _KNOWN: weakref.WeakKeyDictionary[Model, ModelFacts] = weakref.WeakKeyDictionary()
@@ -54,6 +58,7 @@ def _facts_of(model: Model) -> ModelFacts:
         },
         bias=dict(recipe.bias),
         fmus=_fmus(model, recipe) if system is None else _parts(model, system),
+        sha256="" if system is None else _hash_or_none(Path(system.source)),
         blocks={} if system is None else _blocks(system),
         notes=model.notes,
     )
@@ -69,8 +74,21 @@ def _system(recipe: LoadRecipe) -> SystemRecipe | None:
 
 
 def _blocks(recipe: SystemRecipe) -> dict[str, str]:
-    kinds = {c.name: type(c).__name__.removesuffix("Component").lower() for c in recipe.system.components}
-    return {name: kind for name, kind in kinds.items() if kind != "fmu"}
+    return {c.name: _block(c) for c in recipe.system.components if c.name not in recipe.parts}
+
+
+def _block(component: Component) -> str:
+    """Return what a block is, with its parameters."""
+    values = {f.name: getattr(component, f.name) for f in fields(component) if f.name not in _NO_PARAMETERS}
+    kind = str(values.pop("kind", "")) or type(component).__name__.removesuffix("Component").lower()
+    given = values.pop("parameters", {}) | values
+    words = ", ".join(f"{k} = {_short(v)}" for k, v in given.items() if v is not None)
+    return f"{kind}: {words}" if words else kind
+
+
+def _short(value: object) -> str:
+    text = str(value.tolist() if hasattr(value, "tolist") else value)
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"
 
 
 def _source(recipe: LoadRecipe) -> str:

@@ -48,7 +48,8 @@ class ModelFacts:
         defaults: of what was set → value as the FMU declares it; those without one are left out.
         bias: constants added to inputs.
         fmus: those it consists of.
-        blocks: component → what it is, for components that are not FMUs.
+        sha256: of a system's file; empty: it is none, or gone.
+        blocks: component → what it is, with its parameters, for components that are not FMUs.
         notes: the model's remarks.
     """
 
@@ -62,6 +63,7 @@ class ModelFacts:
     defaults: Mapping[str, Any] = field(default_factory=dict)
     bias: Mapping[str, float] = field(default_factory=dict)
     fmus: tuple[FmuOrigin, ...] = ()
+    sha256: str = ""
     blocks: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 

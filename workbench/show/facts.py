@@ -58,6 +58,7 @@ def finished(page: Page, origin: Origin) -> Page:
         **_files(origin.files),
         **_run(origin),
         **command,
+        **page.facts,  # what a page says itself holds
     }
     notes = dict.fromkeys(note for note in (*page.notes, *origin.notes) if not is_choice(note))
     return replace(
@@ -94,8 +95,13 @@ def point_facts(data: Mapping[str, Any]) -> dict[str, str]:
 
 def _forced(data: Mapping[str, Any]) -> set[str]:
     """Return the inputs that were moved."""
-    one = data.get("input")
-    return {str(one["name"] if isinstance(one, Mapping) and "name" in one else one)}
+    one, experiments = data.get("input"), data.get("data")
+    of_data = (
+        {n for e in experiments if isinstance(e, Mapping) for n in e.get("input_names", ())}
+        if isinstance(experiments, list)
+        else set()
+    )
+    return {str(one["name"] if isinstance(one, Mapping) and "name" in one else one)} | of_data
 
 
 def _moved(data: Mapping[str, Any], u: Mapping[str, float]) -> set[str]:
@@ -136,7 +142,7 @@ def _model(model: ModelFacts) -> dict[str, str]:
     single = model.fmus[0] if len(model.fmus) == 1 and not model.fmus[0].component else None
     facts = {"model": model.name, "interface": _interface(model)}
     if single is None:
-        return {**facts, "system": _system(model), **_settings(model)}
+        return {**facts, "system": _system(model), "SHA-256": model.sha256, **_settings(model)}
     made = f"{single.generation_tool or 'the FMU does not name its tool'}, FMI {single.fmi_version}"
     return {
         **facts,
@@ -148,10 +154,10 @@ def _model(model: ModelFacts) -> dict[str, str]:
 
 
 def _settings(model: ModelFacts) -> dict[str, str]:
-    """Return what was set, beside what the FMU has; that nothing was is worth a word, too."""
+    """Return what was set, beside what the file has; that nothing was is worth a word, too."""
     if not model.start_values:
-        own = "as the FMU has them" if model.fmus or model.source else ""
-        return {"parameters": own, "bias": _pairs(model.bias)}
+        own = "nothing: what is not varied here is as the file has it" if model.fmus or model.source else ""
+        return {"set": own, "bias": _pairs(model.bias)}
     texts = [
         f"{name} = {_value(value)}"
         + (f" (the FMU has {_value(model.defaults[name])})" if model.defaults.get(name, value) != value else "")

@@ -195,7 +195,7 @@ def write_report(result: object, path: str | Path, origin: Origin | None = None)
     known = origin or origin_of(result) or Origin()
     page = result if isinstance(result, Page) else page_of(result)
     data = _data(result, page, known)
-    page = finished(replace(page, facts={**page.facts, **point_facts(data)}), known)
+    page = finished(replace(page, facts={**page.facts, **point_facts(data), **page.facts}), known)
     write_page(replace(page, data=data), path)
     write_stmd(page, known, path)
 

@@ -78,6 +78,7 @@ class DataFit(RecordPart):
 
     Attributes:
         name: of the data.
+        input_names: of the inputs that the data move.
         output_names: names.
         output_units: None where there is none.
         time: shape (n,) [s].
@@ -95,6 +96,7 @@ class DataFit(RecordPart):
     """
 
     name: str
+    input_names: tuple[str, ...] = ()
     output_names: tuple[str, ...]
     output_units: tuple[str | None, ...]
     time: Floats = field(metadata=entry(dims=("time",), unit="s"))

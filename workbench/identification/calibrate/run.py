@@ -343,7 +343,8 @@ def _fit(
         there = np.isfinite(wanted)
         fits.append(fit_of(name, wanted[there], given[there]))
     made = DataFit(
-        name=one.name, output_names=one.output_names, output_units=one.output_units, time=one.time,
+        name=one.name, time=one.time,
+        input_names=one.input_names, output_names=one.output_names, output_units=one.output_units,
         measured=size * one.y,
         before=nothing if before is None else size * before, computed=y,
         fits=tuple(fits),

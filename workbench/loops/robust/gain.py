@@ -19,7 +19,9 @@ from workbench.loops.robust.worst import is_unstable, promising
 
 __all__ = ["gain_curve", "worst_gain"]
 
-_CLOSE = 0.005  # relative: how near the peak of one linear model is found
+# Relative: how near the peaks of linear models are found, to compare them, and to tell them where they are no more than
+# largest singular values.
+_CLOSE, _SHARP = 0.005, 1e-6
 _GRID = 60  # frequencies at which parameter sets are compared
 _SHOWN = 200  # and of the curves
 
@@ -50,12 +52,14 @@ def worst_gain(
     places: list[Place] = [whole.box.place(share.tolist()) for share in promising(whole, badness)]
     places.append((0.0,) * len(family.parameters))
     found = [(_peak(m, performance, limits), place) for m, place in zip(family.at(places), places, strict=True) if m]
-    best, where = max(found, key=lambda pair: pair[0].level)
+    _, where = max(found, key=lambda pair: pair[0].level)
     (worst,) = family.at([where])
+    close = _SHARP if len(performance) == 1 else _CLOSE
+    best, nominal = (_peak(m, performance, limits, close=close) for m in (worst, middle))
     shown = _frequencies(whole.centre, limits, _SHOWN)
-    lower = best.level / (1.0 + _CLOSE) if math.isfinite(best.level) else best.level
+    lower = best.level / (1.0 + close) if math.isfinite(best.level) else best.level
     return WorstGain(
-        nominal=_peak(middle, performance, limits).level,
+        nominal=nominal.level,
         lower=lower,
         upper=max(upper, lower),
         frequency_hz=best.frequency_hz,
@@ -84,12 +88,14 @@ def gain_curve(linear: Linear | None, frequency_hz: Floats, performance: Sequenc
     return np.array([upper_bound(m, blocks).bound for m in response])
 
 
-def _peak(linear: Linear | None, performance: Sequence[int], limits: tuple[float, float]) -> Peak:
+def _peak(
+    linear: Linear | None, performance: Sequence[int], limits: tuple[float, float], *, close: float = _CLOSE
+) -> Peak:
     if linear is None:
         return Peak(0.0, math.nan, 0)
     if is_unstable(linear):
         return Peak(math.inf, math.nan, 0)
-    return peak(_squared(linear, sum(performance)), [MuBlock(size=k) for k in performance], limits, close=_CLOSE)
+    return peak(_squared(linear, sum(performance)), [MuBlock(size=k) for k in performance], limits, close=close)
 
 
 def _squared(linear: Linear, size: int) -> Linear:

@@ -19,9 +19,9 @@ def robust_page(result: RobustResult) -> Page:
         title=f"Robustness of {result.model}",
         lead=_lead(result),
         facts={
-            "parameters": counted(len(result.parameters), "uncertain parameter"),
+            "uncertain": counted(len(result.parameters), "parameter"),
             "stability margin": _between(result.stability.lower, result.stability.upper, result.stability.up_to),
-            "operating point": "trimmed at each parameter set" if result.trimmed else "held",
+            "equilibrium": "found at each parameter set" if result.trimmed else "the operating point is held",
             "linear models": str(result.neglected.models),
             "neglected": f"{100.0 * result.neglected.relative:.2g} % of what the parameters do; in the bounds",
         },
