@@ -176,3 +176,24 @@ def test_what_a_delay_gets_wrong_is_in_the_error_however_tight_the_tolerance(
         found = wb.nfr(model, "u", "y", [frequency], [1.0], in_process=True)
     s = 2j * math.pi * frequency
     assert 1e-10 < abs(found.response[0, 0] / (np.exp(-s * delay) / (0.03 * s + 1.0)) - 1.0) <= found.error[0, 0]
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "rise", "tau"),
+    [(1.377, -0.601, 0.0766, 0.1835), (1.0, 1.0, 0.5, 0.18), (1.0, 1.0, -2.0, 0.3), (1.0, 1.0, 0.05, 1.0)],
+)
+def test_a_steady_drift_is_no_part_of_the_response_and_is_told(a: float, b: float, rise: float, tau: float) -> None:
+    """A ramp puts −δ/π into the in-phase part of every period alike; it is none of what the input does."""
+
+    class Drifting(StaticSession):
+        def rows(self, time: Floats, sine: Sine) -> Rows:
+            _, _, u = super().rows(time, sine)
+            ramp = sine.amplitude**2 * (rise * sine.frequency * time + 0.3 * np.exp(-time / tau))
+            return time, a * u + b * np.clip(u, -0.5, 0.5) + ramp, u
+
+    found = nfr(FakeModel(lambda: Drifting(lambda u: u)), "u", "y", [2.0], 1.0)
+    truth = a + b * 2.0 / math.pi * (math.asin(0.5) + 0.5 * math.sqrt(0.75))
+    assert not abs(found.response[0, 0] / truth - 1.0) > found.error[0, 0]
+    assert abs(found.response[0, 0] / truth - 1.0) <= 1e-3
+    if tau < 1.0:
+        assert f"drifts by {rise:.3g} in each period" in " ".join(found.warnings)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from workbench.core.values.arrays import Floats
 from workbench.response.nfr.beats import BEGIN, Beat
 from workbench.response.nfr.prior_knowledge import LinearSineResponse, Twin
-from workbench.response.nfr.transient import MOST_MODES, Limit, directions, multipliers, weigh
+from workbench.response.nfr.transient import MOST_MODES, Limit, directions, levelled, multipliers, ramp, weigh
 from workbench.response.periodic.fourier import NOTHING, fundamental
 
 __all__ = [
@@ -299,7 +299,8 @@ def error_of_mean(limit: Limit, drive: float, error: float, evidence: Evidence) 
         error: of the limit, relative to it.
         evidence: what else is known.
     """
-    z = limit.periods[:, 1] + 1j * limit.periods[:, 2]
+    periods = levelled(limit.periods)
+    z = periods[:, 1] + 1j * periods[:, 2]
     half = z[len(z) // 2 :]
     mean = complex(np.mean(half))
     if mean == 0.0 or len(half) < 2:
@@ -310,7 +311,7 @@ def error_of_mean(limit: Limit, drive: float, error: float, evidence: Evidence) 
         if size > 0.0 and apart <= _ALIKE * min(max(size, left), abs(mean)):
             return (_CLEAR * left + apart * len(half)) / size
     forced = None if evidence.twin is None else evidence.twin.forced
-    wandering = _wandering(z) + _cancelled(forced, evidence.rtol, drive, abs(mean))
+    wandering = _wandering(z) + _cancelled(forced, evidence.rtol, drive, abs(mean)) + ramp(periods) / abs(mean)
     extrapolated = fundamental(limit.harmonics)
     if error > BELIEVED or extrapolated == 0.0:
         return wandering

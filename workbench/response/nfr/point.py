@@ -235,8 +235,18 @@ def run_point(
         point, response = _failed(task, len(settling.periods), error), None
     else:
         point = _point(task, response, len(settling.periods))
-    warning = _aliasing(task.rates) if task.is_aliased else None
+    warning = _remarks(task, point, settling)
     return replace(point, step=longest, certificate=certify(settling, response), warning=warning)
+
+
+def _remarks(task: PointTask, point: NfrPoint, settling: Settling) -> str | None:
+    words = [_aliasing(task.rates)] if task.is_aliased else []
+    if point.reason is None and (drift := settling.drift):
+        words.append(
+            f"{point.frequency:.6g} Hz, amplitude {point.amplitude:g}: {task.output} drifts by {drift:.3g} in each "
+            "period, which is no part of the response; `offset` is the mean of the last one"
+        )
+    return "; ".join(words) or None
 
 
 def _settling(session: Session, task: PointTask, evidence: Evidence, still: Session | None) -> Settling:

@@ -25,7 +25,7 @@ from workbench.response.nfr.error import (
     relative_to_true,
     wanders,
 )
-from workbench.response.nfr.transient import Limit, directions, remove_transient
+from workbench.response.nfr.transient import Limit, directions, drift, levelled, remove_transient, rise_of
 from workbench.response.periodic.fourier import COMPARED, Period, fundamental
 
 __all__ = ["NO_EFFECT", "PointResponse", "Settling", "SettlingOutcome"]
@@ -234,7 +234,7 @@ class Settling:
         """Return the mean over the beats of a sampled model."""
         if self.evidence.beat is None:
             return self._response(limit.harmonics, SettlingOutcome.SETTLED, math.inf)
-        mean, error = mean_over_beats(limit.periods, self.evidence.beat)
+        mean, error = mean_over_beats(levelled(limit.periods), self.evidence.beat)
         error = relative_to_true(error + quadrature(mean, self.evidence.rows))
         fitted = self._response(mean, SettlingOutcome.SETTLED, limit.defect, error)
         return min(fitted, self._of_common(limit) or fitted, key=attrgetter("error"))
@@ -249,7 +249,7 @@ class Settling:
         if every is None or every == 1 or len(limit.periods) < _FEWEST_COMMON * every:
             return None
         whole = len(limit.periods) // every
-        means = limit.periods[-whole * every :].reshape(whole, every, -1).mean(axis=1)
+        means = levelled(limit.periods)[-whole * every :].reshape(whole, every, -1).mean(axis=1)
         tends = remove_transient(means, compared=1 + 2 * COMPARED)
         last = self.periods[-1]
         alone = replace(self.evidence.over(last.steps), beat=None, twin=None)
@@ -267,7 +267,7 @@ class Settling:
         return self._response(limit.harmonics, outcome, limit.defect, error, beyond(limit))
 
     def _of_mean(self, limit: Limit, of_limit: PointResponse, outcome: SettlingOutcome) -> PointResponse:
-        half = limit.periods[len(limit.periods) // 2 :]
+        half = levelled(limit.periods)[len(limit.periods) // 2 :]
         mean = np.mean(half, axis=0)
         scatter = math.sqrt(float(np.mean(np.sum((half - mean)[:, 1:3] ** 2, axis=1))))
         size = abs(fundamental(mean))
@@ -317,7 +317,7 @@ class Settling:
 
     def _of_subharmonic(self, limit: Limit, every: int) -> PointResponse:
         """Return the mean over the periods after which the response repeats."""
-        periods = limit.periods
+        periods = levelled(limit.periods)
         last, before = periods[-every:].mean(axis=0), periods[-2 * every : -every].mean(axis=0)
         size = abs(fundamental(last))
         change = abs(fundamental(last - before)) / size if size > 0.0 else math.inf
@@ -365,6 +365,18 @@ class Settling:
         quotient = _value(last) / _value(before)
         drift = abs(float(last.harmonics[0] - before.harmonics[0])) / abs(fundamental(last.harmonics))
         return abs(math.degrees(cmath.phase(quotient))), abs(abs(quotient) - 1.0), drift
+
+    @property
+    def drift(self) -> float:
+        """By how much the mean rises in each of the newest periods, in all alike [unit of output]; 0: it does not."""
+        if not self.periods:
+            return 0.0
+        periods = np.array([p.harmonics for p in self.periods])
+        rise, size = drift(periods), abs(fundamental(periods[-1]))
+        if not rise and len(periods) > 1:  # seen through a transient that was removed
+            limit = self._limit()
+            rise = rise_of(periods, limit.weights) if limit.modes and limit.defect <= self._allowed() else 0.0
+        return rise if abs(rise) > self._allowed() * size else 0.0
 
     def _repeats(self) -> bool:
         """Whether the last two periods pass the published test, and their other harmonics with them."""

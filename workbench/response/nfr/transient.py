@@ -11,7 +11,18 @@ import numpy as np
 
 from workbench.core.values.arrays import Floats
 
-__all__ = ["MOST_MODES", "Limit", "directions", "multipliers", "remove_transient", "weigh"]
+__all__ = [
+    "MOST_MODES",
+    "Limit",
+    "directions",
+    "drift",
+    "levelled",
+    "multipliers",
+    "ramp",
+    "remove_transient",
+    "rise_of",
+    "weigh",
+]
 
 # Decaying modes that are looked for together: two pairs of complex poles.
 MOST_MODES = 4
@@ -29,6 +40,9 @@ _RIDGE = 1e-6
 
 # Changes that differ in direction by less than this are one.
 _ONE = 1e-6
+
+# Of fewer rises, or where they differ by more than this part, nothing is called a drift.
+_FEWEST_RISES, _STEADY = 3, 0.02
 
 # In-phase part of the fundamental of a ramp that rises by −1 in a period.
 _RAMP = 1.0 / math.pi
@@ -212,11 +226,53 @@ def _prediction(changes: Floats, modes: int, ridge: float) -> Floats:
     return np.concatenate([[1.0], c])
 
 
+def _slope(periods: Floats) -> float:
+    """Return by how much the mean rises from period to period: a straight line through those of the newest half.
+
+    Args:
+        periods: shape (K, 1 + 2·orders).
+    """
+    means = periods[max(0, len(periods) // 2 - 1) :, 0]
+    k = np.arange(len(means)) - 0.5 * (len(means) - 1)
+    return float(k @ means / (k @ k)) if len(means) > 1 else 0.0
+
+
+def ramp(periods: Floats) -> float:
+    """Return what a rise of the mean may have put into the fundamental."""
+    return abs(_slope(periods)) * _RAMP
+
+
+def drift(periods: Floats) -> float:
+    """Return that, where the mean rises alike in each of the newest half of the periods; else 0.
+
+    Args:
+        periods: shape (K, 1 + 2·orders).
+    """
+    rise, rises = _slope(periods), np.diff(periods[max(0, len(periods) // 2 - 1) :, 0])
+    return rise if len(rises) >= _FEWEST_RISES and np.all(np.abs(rises - rise) <= _STEADY * abs(rise)) else 0.0
+
+
+def levelled(periods: Floats) -> Floats:
+    """Return the periods without their drift: they have the mean of the last one.
+
+    Args:
+        periods: shape (K, 1 + 2·orders).
+    """
+    rise, result = drift(periods), periods.copy()
+    result[:, 0] -= rise * np.arange(1.0 - len(periods), 1.0)
+    result[:, 1::2] += rise * _RAMP / np.arange(1.0, (periods.shape[1] + 1) // 2)
+    return result
+
+
+def rise_of(periods: Floats, weights: Floats) -> float:
+    """Return by how much the mean rises in a period, the last ones weighed, newest first."""
+    return float(weights @ (periods[-1 : -weights.size - 1 : -1, 0] - periods[-2 : -weights.size - 2 : -1, 0]))
+
+
 def weigh(periods: Floats, weights: Floats) -> Floats:
     """Weigh the last periods, newest first, and take out what a ramp leaves in the in-phase parts."""
     newest_first = periods[::-1]
     n = weights.size
     harmonics: Floats = weights @ newest_first[:n]
-    ramp = float(weights @ (newest_first[:n, 0] - newest_first[1 : n + 1, 0]))
-    harmonics[1::2] += ramp * _RAMP / np.arange(1.0, (harmonics.size + 1) // 2)
+    harmonics[1::2] += rise_of(periods, weights) * _RAMP / np.arange(1.0, (harmonics.size + 1) // 2)
     return harmonics
