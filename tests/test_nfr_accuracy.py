@@ -197,3 +197,21 @@ def test_a_steady_drift_is_no_part_of_the_response_and_is_told(a: float, b: floa
     assert abs(found.response[0, 0] / truth - 1.0) <= 1e-3
     if tau < 1.0:
         assert f"drifts by {rise:.3g} in each period" in " ".join(found.warnings)
+
+
+@pytest.mark.parametrize("height", [3.0, 50.0, 150.0, 300.0, 1000.0])
+@pytest.mark.parametrize("lag_s", [0.0, 0.003, 0.31])
+def test_edges_shorter_than_the_distance_of_rows_are_in_the_error(height: float, lag_s: float) -> None:
+    """A saturation far beyond its limits is nearly a relay: its edges begin and end between two rows."""
+
+    class Late(StaticSession):
+        def rows(self, time: Floats, sine: Sine) -> Rows:
+            _, _, u = super().rows(time, sine)
+            turn = 2.0 * math.pi * sine.frequency * (time - lag_s)
+            return time, np.clip(sine.amplitude * np.sin(turn), -1.0, 1.0), u
+
+    found = nfr(FakeModel(lambda: Late(lambda u: u)), "u", "y", [0.5], height)
+    part = 1.0 / height
+    gain = 2.0 / math.pi * (math.asin(part) + part * math.sqrt(1.0 - part**2))
+    truth = gain * np.exp(-1j * math.pi * lag_s)
+    assert abs(found.response[0, 0] / truth - 1.0) <= found.error[0, 0] <= 0.02

@@ -12,7 +12,7 @@ import pytest
 import workbench as wb
 from tests.lin_fmus import built
 from workbench.core.values.arrays import Floats
-from workbench.response.nfr.error import quadrature
+from workbench.response.nfr.error import Evidence, quadrature
 from workbench.response.periodic.fourier import measure_period
 from workbench.session import Recorded
 
@@ -124,7 +124,7 @@ def test_orders_of_the_error(rows: int) -> None:
     assert error(kinks, 2j * tent) <= bound
     record = record_of(kinks, events, points)
     harmonics = measure_period(record, input="u", output="y", begin=0.0, frequency=1.0, points=points).harmonics
-    stated = quadrature(harmonics, rows) * abs(complex(harmonics[1], harmonics[2]))
+    stated = quadrature(harmonics, Evidence(rows=rows)) * abs(complex(harmonics[1], harmonics[2]))
     assert error(kinks, 2j * tent) <= stated
 
 

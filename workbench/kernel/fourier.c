@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+enum { DIFFERENCES = 4, KEPT = 8 };
+
 static const double TWO_PI = 6.283185307179586476925286766559;
 
 static size_t width(const Fourier *fourier) {
@@ -16,6 +18,10 @@ void fourier_clear(Fourier *fourier) {
     memset(fourier->weights, 0, width(fourier) * sizeof(double));
     memset(fourier->sums, 0, fourier->n * width(fourier) * sizeof(double));
     memset(fourier->largest, 0, fourier->n * sizeof(double));
+    memset(fourier->jumped, 0, fourier->n * sizeof(double));
+    memset(fourier->nodes, 0, fourier->n * KEPT * sizeof(double));
+    memset(fourier->rough, 0, fourier->n * sizeof(double));
+    fourier->n_nodes = 0;
 }
 
 /* 1, sin, cos, sin 2, cos 2, … by the addition theorems; each order from two of about half of it. */
@@ -102,6 +108,7 @@ static void integrate_jumps(Fourier *fourier, const double *row) {
         if (jump == 0.0) {
             continue;
         }
+        fourier->jumped[i] += jump;
         if (!filled) {
             fill_basis(fourier, t, fourier->between);
             filled = true;
@@ -109,6 +116,32 @@ static void integrate_jumps(Fourier *fourier, const double *row) {
         add_jump(fourier, fourier->sums + i * width(fourier), jump * ahead, jump * slope,
                  between ? fourier->between : fourier->at);
     }
+}
+
+/* The fourth difference of y and the four values before it: next to nothing of what is smooth over five nodes. */
+static double fourth_difference(const double *before, double y) {
+    return fabs(before[0] - 4.0 * before[1] + 6.0 * before[2] - 4.0 * before[3] + y);
+}
+
+static void push(double *before, double y) {
+    memmove(before, before + 1, (DIFFERENCES - 1) * sizeof(double));
+    before[DIFFERENCES - 1] = y;
+}
+
+/* The first node has the value 0. */
+static void add_differences(Fourier *fourier) {
+    for (size_t i = 0; i < fourier->n; i++) {
+        const double y = fourier->last[i] - fourier->jumped[i];
+        double *nodes = fourier->nodes + i * KEPT, *latest = nodes + DIFFERENCES;
+        if (fourier->n_nodes >= DIFFERENCES - 1) {
+            fourier->rough[i] += fourth_difference(latest, y);
+        }
+        if (fourier->n_nodes < DIFFERENCES) {
+            nodes[fourier->n_nodes] = y;
+        }
+        push(latest, y);
+    }
+    fourier->n_nodes++;
 }
 
 static void add_node(Fourier *fourier, const double *row, bool known) {
@@ -144,6 +177,9 @@ void fourier_add(Fourier *fourier, const double *row) {
     if (node) {
         memcpy(fourier->node, fourier->last, fourier->n * sizeof(double));
     }
+    if (node && fourier->rows > 0 && row[0] > fourier->time) {
+        add_differences(fourier);
+    }
     fourier->time = row[0];
     fourier->rows++;
 }
@@ -167,5 +203,21 @@ void fourier_result(const Fourier *fourier, double *coefficients) {
         for (size_t k = 1; k < m; k++) {
             coefficients[i * m + k] *= 2.0 / span;
         }
+    }
+}
+
+/* A jump J somewhere between two nodes costs the trapezoidal rule up to half a step of it, and puts 8 J into the sum of
+ * the fourth differences; the coefficients are twice the integrals over the span. The nodes go on as they began. */
+void fourier_rough(const Fourier *fourier, double *errors) {
+    for (size_t i = 0; i < fourier->n; i++) {
+        const double *nodes = fourier->nodes + i * KEPT;
+        double latest[DIFFERENCES], sum = fourier->rough[i];
+        memcpy(latest, nodes + DIFFERENCES, sizeof latest);
+        const double end = latest[DIFFERENCES - 1];
+        for (size_t k = 0; k < DIFFERENCES; k++) {
+            sum += fourth_difference(latest, end + nodes[k]);
+            push(latest, end + nodes[k]);
+        }
+        errors[i] = fourier->grid && fourier->n_nodes > DIFFERENCES ? sum / (8.0 * (double)fourier->n_nodes) : 0.0;
     }
 }

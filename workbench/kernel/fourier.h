@@ -30,6 +30,10 @@ typedef struct {
     double *node;     /* [n] the values at the last node, less the first; every row is a node where there is no grid */
     double *last;     /* [n] the last row's values, likewise */
     double *largest;  /* [n] largest magnitude so far */
+    double *jumped;   /* [n] sum of the jumps between rows with one time, which the sums know */
+    double *nodes;    /* [n][8] values at the first four nodes behind the first, and at the last four, less these jumps */
+    double *rough;    /* [n] sum of the magnitudes of the nodes' fourth differences */
+    size_t n_nodes;   /* behind the first */
     double start, reached, time; /* [s] of the first row, the last node and the last row */
     double gap;         /* [s] between the last node and the one before it */
     double longest;     /* [s] largest distance of two rows */
@@ -42,5 +46,9 @@ void fourier_clear(Fourier *fourier);
 void fourier_add(Fourier *fourier, const double *row);
 /* Coefficients [n][1 + 2 orders]: mean, then in-phase and quadrature part of each harmonic. */
 void fourier_result(const Fourier *fourier, double *coefficients);
+
+/* What edges between two nodes of a grid may put into a coefficient [n]: no more where the signal is monotone between
+ * them; 0 where there is no grid. */
+void fourier_rough(const Fourier *fourier, double *errors);
 
 #endif

@@ -115,6 +115,10 @@ void kernel_fourier(Fourier *fourier, const double *rows, size_t n, size_t width
     fourier_result(fourier, coefficients);
 }
 
+void kernel_fourier_rough(const Fourier *fourier, double *errors) {
+    fourier_rough(fourier, errors);
+}
+
 void kernel_fourier_result(const Fourier *fourier, double *coefficients) {
     fourier_result(fourier, coefficients);
 }

@@ -53,6 +53,7 @@ KERNEL_EXPORT double kernel_signal_next_break(const Signal *signal, double t);
 /* Fourier coefficients of rows [n][width]; `fourier` names columns and memory. */
 KERNEL_EXPORT void kernel_fourier(Fourier *fourier, const double *rows, size_t n, size_t width, double *coefficients);
 KERNEL_EXPORT void kernel_fourier_result(const Fourier *fourier, double *coefficients);
+KERNEL_EXPORT void kernel_fourier_rough(const Fourier *fourier, double *errors);
 
 /* States and errors of the one-step prediction of `samples` rows of u and y; `state` is that of the first sample,
  * and afterwards that of the sample behind the last. */

@@ -40,6 +40,7 @@ _SIGNATURES: Mapping[str, tuple[Any, list[Any]]] = {
     "kernel_predict": (None, [c_void_p, c_size_t, *[c_void_p] * 5]),
     "kernel_sensitivities": (None, [c_void_p, c_void_p, *[c_size_t] * 4, *[c_void_p] * 3]),
     "kernel_fourier_result": (None, [c_void_p, c_void_p]),
+    "kernel_fourier_rough": (None, [c_void_p, c_void_p]),
     "kernel_intermediate_update": (None, [c_void_p, c_double, *[ctypes.c_bool] * 4, c_void_p, c_void_p]),
 }
 

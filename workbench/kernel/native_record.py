@@ -72,6 +72,9 @@ def _no_feedthrough(system: NativeSystem, variable: Variable, owner: int) -> boo
     return instance.description.input_names.isdisjoint(variable.dependencies)
 
 
+_NODES = 8  # of a signal, kept in `Fourier.nodes`
+
+
 class NativeFourier:
     """Fourier sums over rows; the integrals of `workbench.response.periodic.fourier.measure_period`.
 
@@ -90,7 +93,7 @@ class NativeFourier:
         n, width = len(columns), 1 + 2 * orders
         self._columns = c_array(ctypes.c_size_t, columns)
         sizes = {"basis": width, "between": width, "weights": width, "sums": n * width}
-        sizes |= {"first": n, "node": n, "last": n, "largest": n}
+        sizes |= {"first": n, "node": n, "last": n, "largest": n, "jumped": n, "nodes": _NODES * n, "rough": n}
         self._memory = {name: np.zeros(size) for name, size in sizes.items()}
         self._shape = (n, width)
         self._known: tuple[Floats, Floats | None] | None = None
@@ -139,6 +142,13 @@ class NativeFourier:
     def largest(self) -> Floats:
         """Largest magnitude of each signal, shape (n,)."""
         return self._memory["largest"].copy()
+
+    @property
+    def rough(self) -> Floats:
+        """What edges that were not resolved may put into a coefficient of each signal, shape (n,)."""
+        result: Floats = np.empty(self._shape[0])
+        self._library.kernel_fourier_rough(self.address, result.ctypes.data)
+        return result
 
     def of_rows(self, rows: Floats) -> Floats:
         """Return the coefficients of `rows`, shape (rows, columns), as shape (n, 1 + 2 orders)."""

@@ -43,6 +43,7 @@ class Harmonics:
         values: recorded name → shape (1 + 2·orders,): mean, then in-phase and quadrature part of each harmonic.
         inputs: the same of each forced input, as the FMU saw it.
         largest: recorded name → largest magnitude.
+        rough: recorded name → what edges between its rows may put into a coefficient.
         gap: largest distance of two rows [s]; in co-simulation the longest communication step.
         steps: that the solver took; of co-simulation, communication steps.
     """
@@ -50,6 +51,7 @@ class Harmonics:
     values: dict[str, Floats]
     inputs: dict[str, Floats]
     largest: dict[str, float]
+    rough: dict[str, float]
     gap: float
     steps: int
 
@@ -158,6 +160,7 @@ class CompiledSession(FmuSession):
             values=dict(zip(record, result[n_inputs:], strict=True)),
             inputs=dict(zip(signals, result[:n_inputs], strict=True)),
             largest=dict(zip(record, sums.largest[n_inputs:].tolist(), strict=True)),
+            rough=dict(zip(record, sums.rough[n_inputs:].tolist(), strict=True)),
             gap=sums.gap,
             steps=self.loop.system.structure.steps - before,
         )

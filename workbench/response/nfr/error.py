@@ -13,7 +13,7 @@ from workbench.core.values.arrays import Floats
 from workbench.response.nfr.beats import BEGIN, Beat
 from workbench.response.nfr.prior_knowledge import LinearSineResponse, Twin
 from workbench.response.nfr.transient import MOST_MODES, Limit, directions, levelled, multipliers, ramp, weigh
-from workbench.response.periodic.fourier import NOTHING, fundamental
+from workbench.response.periodic.fourier import NOTHING, Period, fundamental
 
 __all__ = [
     "BELIEVED",
@@ -87,6 +87,7 @@ class Evidence:
         sampled: whether the model is known to sample, at whatever rates.
         rtol: relative tolerance of the integration; 0: nothing is integrated, or not by the workbench.
         rows: samples per period.
+        rough: what edges between two rows may put into a coefficient [unit of the output].
     """
 
     twin: Twin | None = None
@@ -94,11 +95,13 @@ class Evidence:
     sampled: bool = False
     rtol: float = 0.0
     rows: int = 200
+    rough: float = 0.0
 
-    def over(self, steps: int) -> Evidence:
-        """Return the same for a period of so many steps: their errors add up as a random walk, until forgotten."""
+    def over(self, period: Period) -> Evidence:
+        """Return the same for a period: the errors of its steps add up as a random walk, until forgotten."""
         memory = 1.0 if self.twin is None else self.twin.forced.memory
-        return replace(self, rtol=self.rtol * math.sqrt(max(1.0, memory * steps / _STEPS)))
+        rtol = self.rtol * math.sqrt(max(1.0, memory * period.steps / _STEPS))
+        return replace(self, rtol=rtol, rough=period.rough)
 
     def floor(self, drive: float, largest: float) -> float:
         """Return the fundamental of the output below which it counts as none [unit of the output].
@@ -156,7 +159,7 @@ def error_of_limit(limit: Limit, drive: float, largest: float, evidence: Evidenc
             slow = 1.0 + evidence.twin.forced.sensitivity
     forced = None if evidence.twin is None else evidence.twin.forced
     integration = of_integration(forced, evidence.rtol, slow, drive=drive, size=size, largest=largest)
-    return relative_to_true(transient + integration + quadrature(limit.harmonics, evidence.rows))
+    return relative_to_true(transient + integration + quadrature(limit.harmonics, evidence))
 
 
 def of_integration(
@@ -264,19 +267,20 @@ def slowness_of_products(limit: Limit) -> float:
     return max(1.0, 1.0 / max(1.0 - largest**2, 1e-12))
 
 
-def quadrature(harmonics: Floats, rows: int) -> float:
+def quadrature(harmonics: Floats, evidence: Evidence) -> float:
     """Return the error of the trapezoidal rule at jumps and kinks, relative to the fundamental.
 
     A step of the slope by κ [per rad] between two rows costs up to h²κ/12, with h = 2π/rows, and leaves harmonics of
-    2κ/(πn²); so κ is bounded by the largest n²·|c(n)| of the measured tail. For jumps (c(n) ~ 1/n) that is ten
-    times too much, for a smooth output nothing.
+    2κ/(πn²); so κ is bounded by the largest n²·|c(n)| of the measured tail. An edge that begins and ends between two
+    rows looks like a jump in the tail, and costs up to half a row of its height: what the rows' fourth differences say.
+    For a smooth output both are next to nothing.
     """
     amplitudes = np.hypot(harmonics[1::2], harmonics[2::2])
     if len(amplitudes) < _TAIL or amplitudes[0] == 0.0:
         return 0.0
     orders = np.arange(_TAIL, len(amplitudes) + 1)
     kink = 0.5 * math.pi * float(np.max(orders**2 * amplitudes[_TAIL - 1 :])) / float(amplitudes[0])
-    return (2.0 * math.pi / rows) ** 2 / 12.0 * kink
+    return max((2.0 * math.pi / evidence.rows) ** 2 / 12.0 * kink, evidence.rough / float(amplitudes[0]))
 
 
 def beyond(limit: Limit) -> float:

@@ -34,9 +34,10 @@ from workbench.response.nfr.error import Evidence, of_integration
 from workbench.response.nfr.own_motion import OWN
 from workbench.response.nfr.own_solver import hidden, own_step
 from workbench.response.nfr.period_solver import NotSolvedError, Search, can_solve, solve_point
-from workbench.response.nfr.point import ArrivedError, NfrPoint, PointTask, run_point
+from workbench.response.nfr.point import ROWS, ArrivedError, NfrPoint, PointTask, run_point
 from workbench.response.nfr.prior_knowledge import Surroundings, quick, surroundings
 from workbench.response.nfr.reached import Approach, contracts
+from workbench.response.nfr.settling import EDGES
 from workbench.response.nfr.zero_input import ZeroInput, watch
 from workbench.session.base import Session
 from workbench.session.compiled import CompiledMeSession
@@ -50,6 +51,9 @@ _EVENTS_ONLY = "the input may change at events only, and follows the sine in ste
 
 # A check by the tolerance takes so much of the one that the model has.
 _TIGHTER = 0.01
+# Edges that the usual rows do not resolve are measured with so many times as many.
+_MORE_ROWS = 8
+
 _COARSE = "its error is larger than what was asked for: use a smaller `tolerance`, or a larger amplitude"
 
 
@@ -164,10 +168,12 @@ class PointsJob(WorkItem):
         return map(partial(self._sharper, model), self._pass(opened, tasks), tasks)
 
     def _sharper(self, model: Model, point: NfrPoint, task: PointTask) -> NfrPoint:
-        """Measure again with a tighter tolerance where the error is larger than what was asked for.
+        """Measure again with a tighter tolerance and more rows where the error is larger than what was asked for.
 
         So it is where the output moves little beside its mean, which the linear model does not show.
         """
+        if point.certificate is not None and point.certificate.why == EDGES and not self.carry:
+            (point,) = self._pass(nullcontext(model), [replace(task, rows=_MORE_ROWS * ROWS)])
         allowed = task.errcrit / 10.0
         if point.status != "settled" or point.error is None or point.error <= allowed or not task.rtol:
             return point
@@ -175,7 +181,7 @@ class PointsJob(WorkItem):
         if model.recipe is not None and not self.carry:
             factor = _in_tens(point.error / (_SHARE * allowed)) * task.rtol / model.rtol
             exact = model.recipe.tighter(factor).open()
-            (again,) = self._pass(exact, [replace(task, rtol=exact.rtol)])
+            (again,) = self._pass(exact, [replace(task, rtol=exact.rtol, rows=_MORE_ROWS * ROWS)])
             result = again if again.status == "settled" else point
         return wider(result, 0.0, _COARSE)
 

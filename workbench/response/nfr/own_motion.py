@@ -62,7 +62,9 @@ class Apart(Settling):
         if self._answer is None:
             self._answer = self._beside.add(period)
         size = max(period.size, own.size)
-        result = super().add(Period(period.harmonics - own.harmonics, period.drive, size, period.steps))
+        result = super().add(
+            Period(period.harmonics - own.harmonics, period.drive, size, period.rough + own.rough, period.steps)
+        )
         return None if result is None else self._final(result)
 
     def _final(self, result: PointResponse) -> PointResponse:

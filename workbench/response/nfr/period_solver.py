@@ -379,17 +379,17 @@ class Search:
         if noisy:  # the next period would have another defect of that size
             change += float(np.abs(resolvent_rows(lap, at)) @ np.abs(lap.defect)) / size
         error = relative_to_true(
-            change + self._integration(lap, at, harmonics) + quadrature(harmonics, self._task.rows)
+            change + self._integration(lap, at, harmonics) + quadrature(harmonics, self._evidence.over(lap.period))
         )
         twin = self._evidence.twin
-        rtol = self._evidence.over(lap.period.steps).rtol
+        rtol = self._evidence.over(lap.period).rtol
         coarse = below_scale(None if twin is None else twin.forced, rtol, size) > BELIEVED
         stable = is_stable(at.multipliers, at.doubt)
         return Solved(lap, at, harmonics, error, self._count, stable, lap.x0 + e, coarse)
 
     def _integration(self, lap: Lap, at: VariationalEquation, harmonics: Floats) -> float:
         """Return what the integration gets wrong, relative to the response."""
-        rtol, size = self._evidence.over(lap.period.steps).rtol, abs(fundamental(harmonics))
+        rtol, size = self._evidence.over(lap.period).rtol, abs(fundamental(harmonics))
         twin = self._evidence.twin
         if not rtol:
             return 0.0
@@ -403,7 +403,7 @@ class Search:
 
     def _slip(self, lap: Lap) -> Floats:
         """Return by how much the integration may have each state wrong at the end of a period, shape (n,)."""
-        return self._evidence.over(lap.period.steps).rtol * PER_PERIOD * self._weights(lap)
+        return self._evidence.over(lap.period).rtol * PER_PERIOD * self._weights(lap)
 
     def _unseen(self, lap: Lap) -> Floats:
         """Return how far each state may be off without the integration having seen it, shape (n,).

@@ -28,7 +28,7 @@ from workbench.response.nfr.error import (
 from workbench.response.nfr.transient import Limit, directions, drift, levelled, remove_transient, rise_of
 from workbench.response.periodic.fourier import COMPARED, Period, fundamental
 
-__all__ = ["NO_EFFECT", "PointResponse", "Settling", "SettlingOutcome"]
+__all__ = ["EDGES", "NO_EFFECT", "PointResponse", "Settling", "SettlingOutcome"]
 
 # A defect (see `transient`) below this is the solver's noise; asking for less would never end.
 _NOISE = 1e-4
@@ -48,6 +48,10 @@ _RESTLESS = (
     "its periods differ, do not converge and do not repeat every 2 to 8 either: it is still on its way to another "
     "response (a jump), or irregular (sampling beats, noise, a motion of the model's own, chaos); more periods "
     "(`max_periods`) show which"
+)
+EDGES = (
+    "the output has edges shorter than the distance of two rows, up to half of which is missing in its phase, as the "
+    "error says"
 )
 _UNCLEAR = (
     "irregular, or a lightly damped mode that decays slowly: its periods alternate and converge only slowly; more "
@@ -235,7 +239,7 @@ class Settling:
         if self.evidence.beat is None:
             return self._response(limit.harmonics, SettlingOutcome.SETTLED, math.inf)
         mean, error = mean_over_beats(levelled(limit.periods), self.evidence.beat)
-        error = relative_to_true(error + quadrature(mean, self.evidence.rows))
+        error = relative_to_true(error + quadrature(mean, self.evidence.over(self.periods[-1])))
         fitted = self._response(mean, SettlingOutcome.SETTLED, limit.defect, error)
         return min(fitted, self._of_common(limit) or fitted, key=attrgetter("error"))
 
@@ -252,7 +256,7 @@ class Settling:
         means = levelled(limit.periods)[-whole * every :].reshape(whole, every, -1).mean(axis=1)
         tends = remove_transient(means, compared=1 + 2 * COMPARED)
         last = self.periods[-1]
-        alone = replace(self.evidence.over(last.steps), beat=None, twin=None)
+        alone = replace(self.evidence.over(last), beat=None, twin=None)
         error = error_of_limit(tends, abs(last.drive), last.size, alone)
         if error > BELIEVED:
             return None
@@ -263,7 +267,7 @@ class Settling:
 
     def _of_limit(self, limit: Limit, outcome: SettlingOutcome) -> PointResponse:
         last = self.periods[-1]
-        error = error_of_limit(limit, abs(last.drive), last.size, self.evidence.over(last.steps))
+        error = error_of_limit(limit, abs(last.drive), last.size, self.evidence.over(last))
         return self._response(limit.harmonics, outcome, limit.defect, error, beyond(limit))
 
     def _of_mean(self, limit: Limit, of_limit: PointResponse, outcome: SettlingOutcome) -> PointResponse:
@@ -272,7 +276,9 @@ class Settling:
         scatter = math.sqrt(float(np.mean(np.sum((half - mean)[:, 1:3] ** 2, axis=1))))
         size = abs(fundamental(mean))
         spread = scatter / size if size > 0.0 else math.inf
-        error = error_of_mean(limit, abs(self.periods[-1].drive), of_limit.error, self.evidence)
+        last = self.periods[-1]
+        error = error_of_mean(limit, abs(last.drive), of_limit.error, self.evidence)
+        error += quadrature(mean, self.evidence.over(last))
         if outcome is SettlingOutcome.SETTLED and not self.evidence.sampled and spread > self._at_rest():
             error = math.inf
         return self._response(mean, SettlingOutcome.SCATTERED if spread > 1.0 else outcome, spread, error)
@@ -321,7 +327,7 @@ class Settling:
         last, before = periods[-every:].mean(axis=0), periods[-2 * every : -every].mean(axis=0)
         size = abs(fundamental(last))
         change = abs(fundamental(last - before)) / size if size > 0.0 else math.inf
-        error = relative_to_true(_OF_CHANGE * change + quadrature(last, self.evidence.rows))
+        error = relative_to_true(_OF_CHANGE * change + quadrature(last, self.evidence.over(self.periods[-1])))
         result = self._response(last, SettlingOutcome.AVERAGED, limit.defect, error)
         return replace(
             result, why=f"a subharmonic of order {every}: it repeats only every {every} periods of the forcing"
@@ -329,6 +335,8 @@ class Settling:
 
     def _why(self, limit: Limit, of_limit: PointResponse) -> str:
         """Return why the periods have not settled."""
+        if _is_rough(self.periods[-1], self.errcrit):
+            return EDGES
         if buried(limit, abs(self.periods[-1].drive), self.evidence) and of_limit.beyond <= 1.0:
             return _BURIED
         if of_limit.beyond > _MOST_BEYOND and of_limit.defect <= 1.0:
@@ -405,6 +413,11 @@ class Settling:
         first = math.log(window[half] / window[0]) / half
         second = math.log(window[-1] / window[half]) / (len(window) - 1 - half)
         return second >= 0.9 * first and first > math.log(1.1) * 4.0 / self.most
+
+
+def _is_rough(period: Period, errcrit: float) -> bool:
+    """Whether edges that were not resolved alone are more than an error that counts as settled."""
+    return period.rough > errcrit / 10.0 * abs(fundamental(period.harmonics))
 
 
 def _falls(sizes: Floats, count: int) -> float:

@@ -34,12 +34,14 @@ class Period:
         drive: fundamental of the input that the model really saw, as a complex amplitude
             (in-phase + j·quadrature), [unit of the input].
         size: largest magnitude of the output, [unit of the output].
+        rough: what edges between two rows may put into a coefficient of the output [its unit].
         steps: that the integration took; 0: not known.
     """
 
     harmonics: Floats
     drive: complex
     size: float
+    rough: float = 0.0
     steps: int = 0
 
     @property
@@ -106,4 +108,6 @@ def measure_period(
     known = None if points is None else (np.ascontiguousarray(points, dtype=np.float64), None)
     sums.aim(begin=begin, frequency=frequency, known=known, grid=points is not None)
     drive, harmonics = sums.of_rows(np.column_stack([record.time, record.inputs[input], record.values[output]]))
-    return Period(harmonics=harmonics, drive=fundamental(drive), size=float(sums.largest[1]))
+    return Period(
+        harmonics=harmonics, drive=fundamental(drive), size=float(sums.largest[1]), rough=float(sums.rough[1])
+    )

@@ -102,7 +102,7 @@ def period_of(result: Harmonics) -> Period:
     """Return what the one output did in a period, and the one input, where there is one."""
     (output,), inputs = result.values, list(result.inputs.values())
     drive = fundamental(inputs[0]) if inputs else 0.0j
-    return Period(result.values[output], drive, result.largest[output], result.steps)
+    return Period(result.values[output], drive, result.largest[output], result.rough[output], result.steps)
 
 
 @lru_cache(maxsize=8)
