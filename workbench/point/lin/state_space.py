@@ -48,6 +48,24 @@ class LinearModel(Reportable, control.StateSpace):  # type: ignore[misc]  # pyth
         """Where the model was linearised."""
         return self.result.operating_point
 
+    def balanced(self) -> control.StateSpace:
+        """Return the same model with its states in units that make A even.
+
+        python-control finds margins and transfer functions by polynomials. Where states differ by decades (pascals
+        beside metres) they lose all digits: `control.margin` then answers infinite margins without a word.
+
+        Examples:
+            The margins of the rudder's position in a loop with a gain of 3.
+
+            >>> import control
+            >>> with wb.load("fmu:Rudder") as model:
+            ...     G = wb.lin(model, inputs=["delC"], outputs=["del"])
+            >>> gm, pm, _, _ = control.margin(3.0 * G.balanced())
+            >>> print(f"{20.0 * math.log10(gm):.2f} dB, {pm:.1f} deg")
+            7.31 dB, 41.5 deg
+        """
+        return self.result.balanced().to_state_space()
+
     def plot(self, path: str | Path | None = None, *, axes: Axes | Sequence[Axes] | None = None) -> Figure:
         """Return a picture: Bode and step response, one column per input.
 
