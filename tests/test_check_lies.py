@@ -69,6 +69,27 @@ def test_an_unstable_model_is_no_broken_fmu(folder: Path) -> None:
     assert card(folder, "unstable", *(n for n in CHECKS if n != "memory")).worst == "good"
 
 
+def test_an_input_that_has_not_its_declared_start_value_is_told_of_until_it_is_set(folder: Path) -> None:
+    told = "u: the description says start 0.5, the FMU has 0 until it is set; `start_values` sets it"
+    for interface in ("me", "cs"):
+        file = build_lying(folder, "other-start")
+        with load(file, interface) as model:
+            assert told in simulate(model, stop=0.1).notes
+            assert told not in simulate(model, {"u": 0.5}, stop=0.1).notes
+            found = trim(model)
+            assert told in found.notes
+            assert told not in trim(model, u0={"u": 0.5}).notes
+            assert told not in simulate(model, stop=0.1, at=found).notes  # the point says what it is
+        with load(file, interface, start_values={"u": 0.5}) as model:
+            assert told not in simulate(model, stop=0.1).notes
+            assert check(file, only=["starts"], start_values={"u": 0.5}, workers=HERE).worst == "good"
+    with load(file, "me") as model:
+        assert told in lin(model).notes
+        assert told not in lin(model, at=found).notes
+    with load(build_lying(folder, "honest")) as model:
+        assert not any("the description says" in note for note in simulate(model, stop=0.1).notes)
+
+
 def test_in_one_process_nothing_is_said_of_others(folder: Path) -> None:
     found = check(build_lying(folder, "pid"), only=["processes"], workers=HERE)
     assert {line.verdict for line in found.checks} == {"not applicable"}

@@ -243,7 +243,7 @@ class _Run:
             notes += (f"{once.ended}, before {self.stop:g} s",)
         notes += (*missing, *_growth(record, units), *_inexact(model, columns))
         derived = model.derived_step(once.step) if isinstance(model, DescribedModel) else ()
-        notes += (*derived, *_sampled(model, self.inputs), *model.remarks())
+        notes += (*derived, *_sampled(model, self.inputs), *model.remarks(self.inputs))
         return SimulationResult(
             model.name,
             model.interface,
