@@ -367,7 +367,7 @@ def test_where_it_rests_without_the_fixed_values_is_told(interface: str) -> None
 def test_the_position_of_a_servo_is_left_open_by_one_metre_whatever_is_free() -> None:
     """A valve, a cylinder and a mass under a load force: no equation depends on the position."""
 
-    def servo(v: Values) -> list[float]:
+    def servo(v: dict[str, float]) -> list[float]:
         q = 1e-3 * v["xv"] * math.sqrt(max(1.0 - v["pL"] / 21e6, 0.0))
         slope = (2e-3 * v["pL"] - 2e3 * v["v"] - v["F"]) / 200.0
         return [v["v"], 4e12 * (q - 2e-3 * v["v"] - 2e-12 * v["pL"]), slope, (v["u"] - v["xv"]) / 4e-3]

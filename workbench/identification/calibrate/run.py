@@ -212,7 +212,10 @@ def _doubts(data: Sequence[Experiment]) -> Iterator[str]:
         if not any(np.ptp(column) > 0.0 for column in columns):
             yield f"input '{name}' does not move in the data: what acts by its changes alone cannot be seen"
     if not names and not any(isinstance(one, ResponseData) for one in data):
-        yield "no input was measured: all stay at their start values"
+        yield (
+            "no input was measured: all stay at their start values; `inputs` says which input is in which column, as "
+            "u=column"
+        )
     for name in dict.fromkeys(n for one in data for n in one.output_names):
         columns = [one.y[:, one.output_names.index(name)] for one in data if name in one.output_names]
         if not any(np.ptp(column[np.isfinite(column)]) > 0.0 for column in columns):
