@@ -70,6 +70,7 @@ LIES = {
         "jumps", "watch", _CS, r"the response of f .* differs by 9\d.* % .* up to 3 steps \(0\.03 s\) later"
     ),
     "own-clock": Lie("start-time", "broken", _CS, r"the FMU ignores the start time .* s and begins at 0"),
+    "other-start": Lie("starts", "watch", evidence="u: the description says start 0.5, the FMU has 0 until it is set"),
     "zero-nominal": Lie("nominals", "broken", _ME, "nominal value of x is 0"),
     "tiny-nominal": Lie("nominals", "watch", _ME, "x reaches .*, its nominal value is 1e-09"),
     "leak": Lie("memory", "watch", evidence="6[0-9].* kB per session"),
@@ -79,7 +80,7 @@ LIES = {
 }
 
 # What is wrong in the description alone: the library is told to be honest.
-_DESCRIBED = ("undeclared", "nameless", "wrong-reference")
+_DESCRIBED = ("undeclared", "nameless", "wrong-reference", "other-start")
 
 
 def description(name: str) -> str:
@@ -89,6 +90,7 @@ def description(name: str) -> str:
     kinds = " ".join(["dependent"] * len(known.split()))
     odd = "der(der(y))" if name == "nameless" else "f"
     flags = 'modelIdentifier="lying" canGetAndSetFMUstate="true" providesDirectionalDerivative="true"'
+    start = 0.5 if name == "other-start" else 0
     return f"""<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="Lying" guid="{{lying-{guid}}}" numberOfEventIndicators="0"
     variableNamingConvention="structured">
@@ -102,7 +104,7 @@ def description(name: str) -> str:
     </ScalarVariable>
     <ScalarVariable name="der(x)" valueReference="2" causality="local"><Real derivative="1" /></ScalarVariable>
     <ScalarVariable name="der(v)" valueReference="3" causality="local"><Real derivative="2" /></ScalarVariable>
-    <ScalarVariable name="u" valueReference="4" causality="input"><Real start="0" /></ScalarVariable>
+    <ScalarVariable name="u" valueReference="4" causality="input"><Real start="{start}" /></ScalarVariable>
     <ScalarVariable name="w" valueReference="5" causality="input"><Real start="0" /></ScalarVariable>
     <ScalarVariable name="y" valueReference="6" causality="output"><Real /></ScalarVariable>
     <ScalarVariable name="{odd}" valueReference="7" causality="output"><Real /></ScalarVariable>

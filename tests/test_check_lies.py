@@ -11,6 +11,7 @@ import pytest
 from scipy.linalg import expm
 
 from tests.lying_fmus import LIES, build_lying
+from workbench.cli.app import run
 from workbench.errors import SimulationError
 from workbench.health.check.registry import CHECKS
 from workbench.health.check.request import Check, check
@@ -67,6 +68,29 @@ def test_an_honest_fmu_is_good_in_all(folder: Path) -> None:
 
 def test_an_unstable_model_is_no_broken_fmu(folder: Path) -> None:
     assert card(folder, "unstable", *(n for n in CHECKS if n != "memory")).worst == "good"
+
+
+def test_an_input_that_has_not_its_declared_start_value_is_told_of_until_it_is_set(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = "u: the description says start 0.5, the FMU has 0 until it is set; `start_values` sets it"
+    file = build_lying(folder, "other-start")
+    for interface in ("cs", "me"):
+        with load(file, interface) as model:
+            assert told in simulate(model, stop=0.1).notes
+            assert told not in simulate(model, inputs={"u": 0.5}, stop=0.1).notes
+            found = trim(model)
+            assert told in found.notes
+            assert told not in trim(model, u0={"u": 0.5}).notes
+            assert told not in simulate(model, stop=0.1, at=found).notes  # the point says what it is
+        with load(file, interface, start_values={"u": 0.5}) as model:
+            assert told not in simulate(model, stop=0.1).notes
+            assert check(file, only=["starts"], start_values={"u": 0.5}, workers=HERE).worst == "good"
+    with load(build_lying(folder, "honest")) as model:
+        assert not any("the description says" in note for note in simulate(model, stop=0.1).notes)
+    for more, said in (("", True), (" --set u=0.5", False)):
+        assert run(["lin", str(file), *more.split()]) == 0
+        assert ("start 0.5, the FMU has 0 until it is set; --set sets it" in capsys.readouterr().err) is said
 
 
 def test_in_one_process_nothing_is_said_of_others(folder: Path) -> None:

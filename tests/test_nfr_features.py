@@ -5,6 +5,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -115,7 +116,9 @@ def test_a_jump_over_the_level_is_told_and_is_where_it_is() -> None:
 def test_what_cannot_be_found_has_a_reason() -> None:
     measure = measured(slower, 1e-6, 0)
     rows = [[measure(f, a) for f in GRID[:5]] for a in (0.1, 0.2)]
-    assert features_of(rows[0], DROP, measure).remark == f"the gain does not surely fall by 3 dB up to {GRID[4]:g} Hz"
+    assert features_of(rows[0], DROP, measure).remark == f"the gain does not fall by 3 dB up to {GRID[4]:g} Hz"
+    vague = [replace(p, error=0.5) for p in rows[0]]
+    assert features_of(vague, DROP, measure).remark == f"the gain does not surely fall by 3 dB up to {GRID[4]:g} Hz"
     assert "above 0.1 Hz at all amplitudes" in amplitude_limit(rows, 0.1, DROP, measure).remark
     unknown = measured(slower, math.nan, 0)
     wide = [measure(f, 1.0) for f in GRID]

@@ -217,9 +217,9 @@ def test_above_the_sampling_rate_the_page_says_what_is_not_known_and_why() -> No
     assert "light" not in failed.reason
 
 
-def test_the_offset_of_an_integrating_output_is_unknown() -> None:
+def test_the_offset_of_an_integrating_output_is_any() -> None:
     """1/(s² + s) moves periodically about any mean; 1/(s + 1) about one."""
-    for poles, word in ([1.0, 1.0, 0.0], "unknown"), ([1.0, 1.0], "<"):
+    for poles, word in ([1.0, 1.0, 0.0], "any"), ([1.0, 1.0], "<"):
         plant = control.ss(control.tf([1.0], poles))
         with wb.connect({"p": plant}, [], inputs={"u": "p.u"}, outputs={"y": "p.y"}) as model:
             page = nfr_page(nfr(model, "u", "y", [0.5], [1.0]))

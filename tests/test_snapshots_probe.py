@@ -68,6 +68,8 @@ def test_a_binary_that_cannot_be_loaded_does_not_run_here(tmp_path: Path, capsys
     assert "cannot load this FMU's binary" in said
     card = wb.check(fmu, interface="me", skip=["validation"])
     assert ["cannot load this FMU's binary" in line.evidence for line in card.checks].count(True) == 1
+    assert "cannot be loaded on this machine: " in str(card)
+    assert "keep its promises" not in str(card)
     assert [line.verdict for line in card.checks].count("broken") == 1
     assert not card.passed
 

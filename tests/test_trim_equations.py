@@ -362,3 +362,21 @@ def test_where_it_rests_without_the_fixed_values_is_told(interface: str) -> None
         assert not result.converged
         assert "without the fixed values there is an equilibrium, with y = 1" in result.notes
         assert not any("without the fixed" in note for note in wb.trim(lag, fix={"y": 1.0}, u0={"u": 1.0}).notes)
+
+
+def test_the_position_of_a_servo_is_left_open_by_one_metre_whatever_is_free() -> None:
+    """A valve, a cylinder and a mass under a load force: no equation depends on the position."""
+
+    def servo(v: dict[str, float]) -> list[float]:
+        q = 1e-3 * v["xv"] * math.sqrt(max(1.0 - v["pL"] / 21e6, 0.0))
+        slope = (2e-3 * v["pL"] - 2e3 * v["v"] - v["F"]) / 200.0
+        return [v["v"], 4e12 * (q - 2e-3 * v["v"] - 2e-12 * v["pL"]), slope, (v["u"] - v["xv"]) / 4e-3]
+
+    zeros = dict.fromkeys(("x", "pL", "v", "xv"), 0.0)
+    for force, free, floating in ((0.0, [], []), (1e4, ["u"], []), (1e4, ["u"], ["x"])):
+        plant = Plant(Equations(x=zeros, u={"u": 0.0, "F": force}, f=servo))
+        result = trim(plant, free=free, floating=floating)
+        assert result.converged
+        assert {"x": 1.0} in [d.components for d in result.null_directions]
+        count = len(result.null_directions)
+        assert f"under-determined by {count}; fix" in told(result)[0]

@@ -104,7 +104,10 @@ def meant(requests: Sequence[type[Request[Any, Any]]], given: dict[str, Any]) ->
         if flags_given:
             verb, them = ("is", "it") if len(flags_given) == 1 else ("are", "them")
             case = other.case or other.subject.metavar
-            raise InputError(f"{', '.join(flags_given)} {verb} for {case}; leave {them} out")
+            others = [f"--{request.instead[name]}" for name, d in foreign.items()
+                      if d.flag in flags_given and name in request.instead]  # fmt: skip
+            remedy = f"use {', '.join(others)}" if len(others) == len(flags_given) else f"leave {them} out"
+            raise InputError(f"{', '.join(flags_given)} {verb} for {case}; {remedy}")
     words = _with_rest(request, words, given)
     for name, (declared, _) in own.items():
         if given.get(name) is not None:
@@ -195,7 +198,7 @@ def _ended(subject: Any, request: Request[Any, Any], work: _CommandRun, out: Out
 
 def _show(
     record: Any,  # noqa: ANN401
-    request: Options,
+    request: Request[Any, Any],
     out: Output,
     written: Written,
     origin: Origin,
@@ -227,6 +230,9 @@ def _show(
     )
     for path in written.write(record):
         out.wrote(path)
+    for name in type(request).writes if stopped is None else ():
+        if path := getattr(request, name):
+            out.wrote(path)
     if isinstance(record, Judged):
         tell_github(record, lambda: page, stopped)
 

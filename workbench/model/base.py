@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from html import escape
 from typing import TYPE_CHECKING, Any, Self
@@ -290,8 +290,12 @@ class Model(Closable):
         """Return when it says that it samples: what analyses take for granted; `model/sample_rates` finds more."""
         return DeclaredRates(others=(self,))
 
-    def remarks(self) -> tuple[str, ...]:
-        """Return what was found out about the model while it ran; complete once the analysis is done."""
+    def remarks(self, given: Collection[str] = ()) -> tuple[str, ...]:
+        """Return what was found out about the model while it ran; complete once the analysis is done.
+
+        Args:
+            given: inputs that the analysis sets: nothing is said of what they had before.
+        """
         return ()
 
     @abstractmethod

@@ -6,7 +6,7 @@ import copy
 import dataclasses
 import weakref
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import KW_ONLY, field, fields
 from typing import TYPE_CHECKING, Any, Self
 
@@ -33,7 +33,7 @@ from workbench.session.point import FmuPoint
 from workbench.session.probe import begins_at_zero, slopes_act, why_state_fails
 from workbench.session.settle import FIRST_STEPS, LEAST_STEPS, MAX_STEPS, STEP, STEP_PARTS, Settled, settle
 from workbench.session.setup import Lead, Setup
-from workbench.session.start_values import RELATIVE, NotReachedError, check_values, starts_of
+from workbench.session.start_values import RELATIVE, NotReachedError, check_values, starts_of, unkept_in_words
 from workbench.signals.kinds import Signal
 
 __all__ = ["DescribedModel", "LoadRecipe"]
@@ -499,10 +499,13 @@ class DescribedModel(Model):
         why = self._why_replay
         return f"snapshots fall back to replay, which is slower: the FMU claims to save its state, but {why}"
 
-    def remarks(self) -> tuple[str, ...]:
+    def remarks(self, given: Collection[str] = ()) -> tuple[str, ...]:
         slopes = _NO_SLOPES if self.slopes is False else ""
         manners = self._setup.manners
-        of_start = (manners.note, manners.guessed, manners.forgets, manners.stops, self.start_note)
+        placed = {*given, *self.start_values, *(() if self.at is None else self.at.u)}
+        lost = [miss for name, miss in manners.unkept.items() if miss is not None and name not in placed]
+        unkept = f"{unkept_in_words(lost)}; `start_values` sets it" if lost else ""
+        of_start = (manners.note, manners.guessed, manners.forgets, manners.stops, self.start_note, unkept)
         return tuple(filter(None, (*of_start, slopes, self.replay_note())))
 
     def end_sessions(self) -> None:

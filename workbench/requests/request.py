@@ -139,6 +139,8 @@ class Request(Options, Generic[_Subject, _Record]):
         parts: attributes of the record that are results themselves.
         withheld: its options that have the name of one of `Loading`, and that the model is not opened with.
         unwritten: files that its record has not: "csv", "mat", "plot".
+        writes: its options that name files which the analysis itself writes: the command says that they are written.
+        instead: option of another request of its command → its own that does the same, as a message says.
         in_shell: whether a command of this name asks for the same.
         written: class of what can be asked of its record, "module:class"; empty: the files that all have.
         of_system: whether it needs several models connected, and makes no sense for one.
@@ -161,6 +163,8 @@ class Request(Options, Generic[_Subject, _Record]):
     parts: ClassVar[tuple[str, ...]] = ()
     withheld: ClassVar[tuple[str, ...]] = ()
     unwritten: ClassVar[tuple[str, ...]] = ()
+    writes: ClassVar[tuple[str, ...]] = ()
+    instead: ClassVar[Mapping[str, str]] = {}
     in_shell: ClassVar[bool] = True
     written: ClassVar[str] = ""
     of_system: ClassVar[bool] = False

@@ -95,6 +95,7 @@ class FmuSession(Session):
             self._initialise()
             self._started(self._placed(self._first_event()))
             self._arrived()
+            self._look_at_inputs()
         except _ForgottenError:
             self.close()
             self.setup.manners.forgets = _FORGETS
@@ -238,6 +239,19 @@ class FmuSession(Session):
                 self._target.missed_outputs(),
                 "states and inputs are as asked for; do the parameters differ from those of the point?",
             )
+
+    def _look_at_inputs(self) -> None:
+        """Find out, once for each, whether inputs that nobody sets have their declared start values (FMI 2.0.4, 2.2.7).
+
+        That is no error here: whose value an input has that is not set, the user decides, and is told of it.
+        """
+        setup, known, clocked = self.setup, self.setup.manners.unkept, self.instance.description.clocked
+        given = {**setup.start_values, **setup.bias, **setup.signals, **setup.point, **clocked, **known}
+        left = [v for n, v in self.inputs.items() if n not in given and v.start is not None and v.is_number]
+        left = [v for v in left if not self.instance.fed(v)]
+        starts = {v.name: v.start for v in left if v.start is not None}
+        missed = {miss.name: miss for miss in misses(self.instance, left, starts)}
+        known.update({v.name: missed.get(v.name) for v in left})
 
     # -- advance --------------------------------------------------------------------------
 

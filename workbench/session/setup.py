@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from workbench.core.values.calendar import Sampler
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Value, Variable
+from workbench.session.start_values import Miss
 from workbench.signals.kinds import Signal
 
 __all__ = ["Lead", "Manners", "Setup"]
@@ -27,6 +28,7 @@ class Manners:
         guessed: says which start values, mere guesses by the FMU's own word, came out otherwise; empty: none.
         forgets: says that parameters are set once more during initialisation; empty: the FMU keeps those set before.
         stop: co-simulation: the stop time that the FMU is told [s]; None: none, since it is seldom known.
+        unkept: input that nobody set → what it has in place of its declared start value; None: it has that.
         stops: says that it is told one, since it goes no further than its own otherwise; empty: it is told none.
     """
 
@@ -37,6 +39,7 @@ class Manners:
     forgets: str = ""
     stop: float | None = None
     stops: str = ""
+    unkept: dict[str, Miss | None] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ __all__ = [
     "in_words",
     "misses",
     "starts_of",
+    "unkept_in_words",
 ]
 
 RELATIVE = 1e-6  # an FMU that computes in single precision gives a value back within 6e-8
@@ -65,6 +66,14 @@ def in_words(result: Sequence[Miss]) -> str:
     """Return the first of them in full and how many more there are."""
     more = f" (and {len(result) - 1} more: {', '.join(m.name for m in result[1:5])})" if len(result) > 1 else ""
     return f"{result[0]}{more}"
+
+
+def unkept_in_words(result: Sequence[Miss]) -> str:
+    """Return what of the declared start values an FMU has otherwise: the first in full, and how many more there are."""
+    first, others = result[0], [m.name for m in result[1:]]
+    more = f" (and {len(others)} more: {', '.join(others[:4])}{', …' if others[4:] else ''})" if others else ""
+    says = f"the description says start {_shown(first.asked)}"
+    return f"{first.name}: {says}, the FMU has {_shown(first.found)} until it is set{more}"
 
 
 def misses(

@@ -242,6 +242,9 @@ def _each(read: Callable[[Any], Any]) -> Callable[[Any], dict[str, Any]]:
     def each(value: Any) -> dict[str, Any]:  # noqa: ANN401
         result = {}
         for name, x in table(value).items():
+            if isinstance(x, str) and (more := re.fullmatch(r"([^,=]*),\s*([^,=]+=.*)", x)):
+                both = f"{name}={more[1]} and {more[2]}"
+                raise ValueError(f"one name and value at a time; repeat the option for each: {both}")
             try:
                 result[name] = read(x)
             except ValueError as error:

@@ -167,7 +167,7 @@ class Experiment(RecordPart):
             named = zip(getattr(self, f"{side}_names"), getattr(self, f"{side}_units"), strict=True)
             for k, (name, own) in enumerate(named):
                 wanted = result[name] = units.get(name) or own
-                if own is None and wanted is not None:
+                if own is None and wanted not in (None, "1"):
                     notes.append(f"{self.name}: {name} has no unit; it is taken to be in {wanted}")
                 elif own != wanted and own is not None and wanted is not None:
                     factor, offset = self._conversion(name, own, wanted)
@@ -486,8 +486,17 @@ def _clock(
     time = factor * table.values[:, clock]
     keep = np.flatnonzero(np.append(np.diff(time) != 0.0, True))
     if len(keep) < len(time):
-        notes.append(f"{name}: {len(time) - len(keep)} times appear twice (events); the later rows are used")
+        again = np.flatnonzero(np.diff(time) == 0.0)
+        others = np.delete(table.values, clock, axis=1)
+        count = len(np.unique(time[again[~_same_rows(others[again], others[again + 1])]]))
+        if count:
+            times = "1 time appears" if count == 1 else f"{count} times appear"
+            notes.append(f"{name}: {times} twice with other values (events); the later rows are used")
     return time[keep], keep
+
+
+def _same_rows(a: Floats, b: Floats) -> NDArray[np.bool_]:
+    return np.asarray(((a == b) | (np.isnan(a) & np.isnan(b))).all(axis=1), dtype=np.bool_)
 
 
 def _lies_on(name: str, time: Floats, dt: float) -> bool:

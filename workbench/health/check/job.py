@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from workbench.errors import WorkbenchError
 from workbench.fmi.ended import end_now
 from workbench.health.check.registry import CHECKS
-from workbench.health.check.result import Answer
+from workbench.health.check.result import UNLOADABLE, Answer
 from workbench.health.check.subject import CheckedFmu
 from workbench.jobs.runner import WorkItem
 from workbench.model import Model
@@ -20,6 +20,7 @@ __all__ = ["UNLOADED", "CheckJob", "CheckReply", "adapted"]
 
 UNLOADED = Answer("not applicable", "its binary cannot be loaded", finished=False)
 
+_NO_WAY = "no analysis is possible with this interface on this machine"
 _SHORTER = 0.1  # of a test run, for the checks after a run that failed on its way
 _LONG = 3.0  # [s] that a run may take; others make a dozen of them, and shorter ones where it takes longer
 _PATIENCE = 3  # crashes of one interface, after which its other checks are given up
@@ -78,7 +79,7 @@ class CheckJob(WorkItem):
                 end_now()  # its instances: a crash then is this check's, and not told by nobody
             first_fails = name == self.names[0] and done.finding.verdict != "good"
             if first_fails and isinstance(subject.model, FmuModel) and (why := subject.model.why_not_loaded()):
-                yield replace(done, finding=Answer("broken", why, "no analysis is possible with this interface"))
+                yield replace(done, finding=Answer("broken", why, _NO_WAY, {UNLOADABLE: True}))
                 yield from (CheckReply(rest, UNLOADED, 0.0) for rest in self.names[1:])
                 return
             yield done

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from workbench.health.check.registry import CHECKS
-from workbench.health.check.result import AND, HealthCard, HealthLine
+from workbench.health.check.result import AND, UNLOADABLE, HealthCard, HealthLine
 from workbench.show.page import Page, PageTable, Section
 from workbench.show.verdicts import Verdict
 
@@ -18,7 +18,10 @@ def check_page(card: HealthCard) -> Page:
     """Return the page of a health card: what is broken first, then every line, interface by interface."""
     keep, no, their = ("keep", "do", "their") if AND in card.source else ("keeps", "does", "its")
     kept = f"{keep} {their} promises"
-    if not card.passed:
+    broken = [c for c in card.checks if c.verdict == "broken"]
+    if broken and all(c.numbers.get(UNLOADABLE) for c in broken):
+        kept = "cannot be loaded on this machine"
+    elif not card.passed:
         kept = f"{no} not keep {their} promises" if card.worst == "broken" else f"{kept}, as far as they were checked"
     concerns = [Verdict(c.verdict, _line(c)) for c in card.concerns]
     return Page(

@@ -20,6 +20,7 @@ from workbench.health.check.repeatability import determinism, instances, reset, 
 from workbench.health.check.result import Answer
 from workbench.health.check.runs import drift, runs
 from workbench.health.check.start_time import start_time
+from workbench.health.check.starts import starts
 from workbench.health.check.step import step
 from workbench.health.check.subject import CheckedFmu
 
@@ -64,6 +65,7 @@ CHECKS: Mapping[str, CheckEntry] = {
     "references": CheckEntry("Does it reproduce the reference results that it carries?", references),
     "drift": CheckEntry("Does it move without being forced?", drift),
     "start-time": CheckEntry("Does the result depend on the start time?", start_time),
+    "starts": CheckEntry("Has it the start values that it declares?", starts),
     "nominals": CheckEntry("Do nominal values match the size of the states?", nominals, _ME),
     "inputs": CheckEntry("Do continuous inputs act continuously?", inputs),
     "jumps": CheckEntry("Does its own solver react at once to a change of input?", jumps, _CS),

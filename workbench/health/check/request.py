@@ -70,8 +70,8 @@ class Check(Loading, InWorkers, Request[str | Path | Sequence[str | Path], "Heal
     _: KW_ONLY
     only: Names | None = option(
         "Run these checks only: validation, runs, step, largest-step, real-time, reset, determinism, processes, "
-        "instances, snapshots, promise, directional, dependencies, references, drift, start-time, nominals, inputs, "
-        "jumps, memory.",
+        "instances, snapshots, promise, directional, dependencies, references, drift, start-time, starts, nominals, "
+        "inputs, jumps, memory.",
         default=None,
         first=True,
     )

@@ -11,10 +11,11 @@ from workbench.errors import InputError, suggest
 from workbench.show.cases import ERROR, FAILURE, PASSED, SKIPPED, Case, Judged
 from workbench.show.result import Result
 
-__all__ = ["AND", "VERDICTS", "Answer", "HealthCard", "HealthLine"]
+__all__ = ["AND", "UNLOADABLE", "VERDICTS", "Answer", "HealthCard", "HealthLine"]
 
 # From harmless to serious.
 VERDICTS = ("not applicable", "good", "watch", "broken")
+UNLOADABLE = "unloadable"  # among the numbers of an answer: this machine cannot load the binary
 AND = ", "  # between several sources
 _ADVICE = ("largest-step", "real-time")
 

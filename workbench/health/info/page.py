@@ -58,7 +58,7 @@ def info_page(record: FmuInfo, *, full: bool = False) -> Page:
     runs = Verdict("good", here) if record.runnable else Verdict("poor", f"does not run here{alone}")
     return Page(
         title=record.model,
-        lead=record.description or f"An FMU of FMI {record.fmi_version}.",
+        lead=record.description or "",
         facts={
             "FMI": f"{record.fmi_version}, {', '.join(_offered(record)) or 'no interface'}",
             **({"made by": record.generation_tool} if record.generation_tool else {}),

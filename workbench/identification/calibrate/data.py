@@ -105,10 +105,10 @@ def _channels(model: Model, data: Experiment, request: Calibrate) -> tuple[dict[
     check_variables(model, inputs, "input", what="inputs")
     check_variables(model, outputs, "variable", what="outputs", number=True)
     if not outputs:
-        known = ", ".join(data.names[:_NAMED])
+        known, first = ", ".join(data.names[:_NAMED]), next((v.name for v in model.outputs if v.is_number), "y")
         raise InputError(
-            f"{data.name}: no column is an output of {model.name}; name them, as outputs {{output: column}}; "
-            f"columns: {known}"
+            f"{data.name}: no column is an output of {model.name}; say with `outputs` which output is in which column, "
+            f"as {first}={data.names[-1]}; columns: {known}"
         )
     return inputs, outputs
 

@@ -42,6 +42,7 @@ class Information:
         open: whether a region is wider than the value itself, shape (q,).
         directions: what is not seen, in words.
         null: the directions themselves, shape (k, q).
+        shift: what the integration leaves in each coordinate, see `integration_shift`, shape (q,).
     """
 
     free: Flags
@@ -50,6 +51,7 @@ class Information:
     open: Flags
     directions: tuple[str, ...]
     null: Floats
+    shift: Floats
 
     @property
     def errors(self) -> Floats:
@@ -96,7 +98,7 @@ def information(found: Estimate) -> Information:
     null[:, free] = Vt[lost]
     directions = _sparse(null)
     words = tuple(_words(v, quantities, found.z, half_of(v, covariance, quantile)) for v in directions)
-    return Information(free, covariance, quantile, is_open, words, directions)
+    return Information(free, covariance, quantile, is_open, words, directions, np.zeros(len(free)))
 
 
 def half_of(v: Floats, covariance: Floats, quantile: float) -> float:

@@ -158,6 +158,8 @@ class Calibrate(AtPoint, InWorkers, ModelRequest["CalibrateResult"]):
         metavar="DATA,..",
         first=True,
     )
+    writes = ("out",)
+
     _: KW_ONLY
     free: Free = option("Parameter to estimate, with its limits where they are known.", of=EACH, first=True)
     inputs: _Channels | None = option(

@@ -50,7 +50,7 @@ class CalibratedParameter(RecordPart):
         unit: of all values; None: it has none.
         start: value at which the search began.
         value: estimate.
-        std_error: standard error; None: held by a limit, or not known.
+        std_error: standard error, with what the integration of the model leaves; None: held by a limit, or not known.
         low, high: ends of the 95 % region; None: likewise.
         at_bound: whether a limit holds it; the other regions then take it as known.
         identifiable: whether the region is narrower than the value itself (a positive one: than a factor e).

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
@@ -26,6 +27,7 @@ from workbench.identification.calibrate.information import (
     information,
     profile,
 )
+from workbench.identification.calibrate.integration import integration_shift, note_of_integration
 from workbench.identification.calibrate.next_experiment import next_experiment
 from workbench.identification.calibrate.noise import LOSSES, ColouredNoise, Segments
 from workbench.identification.calibrate.problem import CalibrationProblem, Flags
@@ -88,9 +90,16 @@ def run(model: Model, request: Calibrate, job: Job) -> CalibrateResult:
             with suppress(SimulationError):  # what was found stays, and its doubt is told
                 found, found_out = taken.estimate(data, quantities, [*notes, told])
                 work, notes, other = taken, [*notes, told], _other_motion(found, information(found), taken)
-        known = information(found)
+        left = integration_shift(found, information(found), request.place, lambda m, s: _kept(m, request, s))
+        known = replace(information(found), shift=left)
         outputs = found.problem.runs.outputs([quantities.start, found.z])
-        result = _record(work, found, known, outputs, [*notes, *found_out, *found.notes])
+        result = _record(
+            work,
+            found,
+            known,
+            outputs,
+            [*notes, *found_out, *found.notes, *filter(None, [note_of_integration(found, known)])],
+        )
         job.partial = lambda: result
         result = _looked_at(result, found, known, work)
         if other.moved and other.odds > (1.0 / _SURE if auto else _SURE):
@@ -116,10 +125,15 @@ def place_of(model: Model, request: Calibrate, job: Job, count: int, stack: Exit
     joint = None
     if together is not None:
         joint = stack.enter_context(at_work(stack.enter_context(together), request.place, job))
-    store = None if request.store is None else stack.enter_context(_store(model, request, request.store))
+    store = _kept(model, request, stack)
     return RunPlace(
         model=model, runner=runner, joint=joint, copies=count + 1, job=job, rest=request.initial == "rest", store=store
     )
+
+
+def _kept(model: Model, request: Calibrate, stack: ExitStack) -> Store | None:
+    """Return where runs of a model are kept, open until the stack ends; None: nowhere."""
+    return None if request.store is None else stack.enter_context(_store(model, request, request.store))
 
 
 def _store(model: Model, request: Calibrate, folder: str | Path) -> Store:
@@ -198,7 +212,10 @@ def _doubts(data: Sequence[Experiment]) -> Iterator[str]:
         if not any(np.ptp(column) > 0.0 for column in columns):
             yield f"input '{name}' does not move in the data: what acts by its changes alone cannot be seen"
     if not names and not any(isinstance(one, ResponseData) for one in data):
-        yield "no input was measured: all stay at their start values"
+        yield (
+            "no input was measured: all stay at their start values; `inputs` says which input is in which column, as "
+            "u=column"
+        )
     for name in dict.fromkeys(n for one in data for n in one.output_names):
         columns = [one.y[:, one.output_names.index(name)] for one in data if name in one.output_names]
         if not any(np.ptp(column[np.isfinite(column)]) > 0.0 for column in columns):
@@ -302,11 +319,12 @@ def _record(
 
 def _parameter(found: Estimate, known: Information, k: int) -> CalibratedParameter:
     q, z, error = found.problem.quantities[k], float(found.z[k]), float(known.errors[k])
-    sure = bool(known.free[k]) and np.isfinite(error)
-    ends = [min(z + s * known.quantile * error, _HUGE) if q.log else z + s * known.quantile * error for s in (-1, 1)]
+    sure, left = bool(known.free[k]) and np.isfinite(error), abs(float(known.shift[k]))
+    half = known.quantile * error + left
+    ends = [min(z + s * half, _HUGE) if q.log else z + s * half for s in (-1, 1)]
     return CalibratedParameter(
         name=q.name, kind=q.kind, unit=q.unit, start=q.start, value=q.value(z),
-        std_error=q.slope(z) * error if sure else None,
+        std_error=q.slope(z) * math.hypot(error, left) if sure else None,
         low=q.value(ends[0]) if sure else None, high=q.value(ends[1]) if sure else None,
         at_bound=not known.free[k], identifiable=bool(known.free[k] and not known.open[k]),
     )  # fmt: skip
@@ -384,10 +402,10 @@ def _looked_at(result: CalibrateResult, found: Estimate, known: Information, wor
         if p.identifiable:
             parameters[k] = replace(p, curved=k in off)
         if work.request.profile and known.free[k]:
-            parameters[k] = _profiled(parameters[k], found, profile(found, known, k), k)
+            parameters[k] = _profiled(parameters[k], found, known, profile(found, known, k), k)
     if work.request.bootstrap:
         z = bootstrap(found, work.request, work.request.bootstrap)
-        parameters = [_drawn(p, found, k, z[:, k]) if known.free[k] else p for k, p in enumerate(parameters)]
+        parameters = [_drawn(p, found, known, k, z[:, k]) if known.free[k] else p for k, p in enumerate(parameters)]
         notes.append(f"regions and standard errors are those of {len(z)} records drawn anew")
     bent_ones = [p.name for p in parameters if p.curved and p.profile is None]
     if bent_ones:
@@ -397,14 +415,18 @@ def _looked_at(result: CalibrateResult, found: Estimate, known: Information, wor
     return replace(result, parameters=tuple(parameters), notes=tuple(notes))
 
 
-def _drawn(p: CalibratedParameter, found: Estimate, k: int, z: Floats) -> CalibratedParameter:
-    values = np.array([found.problem.quantities[k].value(x) for x in z.tolist()])
-    low, high = np.quantile(values, [0.5 - 0.5 * LIKELY, 0.5 + 0.5 * LIKELY]).tolist()
-    return replace(p, low=low, high=high, std_error=float(np.std(values, ddof=1)), curved=None)
+def _drawn(p: CalibratedParameter, found: Estimate, known: Information, k: int, z: Floats) -> CalibratedParameter:
+    q, left = found.problem.quantities[k], abs(float(known.shift[k]))
+    values = np.array([q.value(x) for x in z.tolist()])
+    low, high = np.quantile(z, [0.5 - 0.5 * LIKELY, 0.5 + 0.5 * LIKELY]).tolist()
+    error = math.hypot(float(np.std(values, ddof=1)), q.slope(float(found.z[k])) * left)
+    return replace(p, low=q.value(low - left), high=q.value(high + left), std_error=error, curved=None)
 
 
-def _profiled(p: CalibratedParameter, found: Estimate, seen: Profile, k: int) -> CalibratedParameter:
-    q = found.problem.quantities[k]
-    low, high = (q.value(x) if np.isfinite(x) else None for x in (seen.low, seen.high))
+def _profiled(
+    p: CalibratedParameter, found: Estimate, known: Information, seen: Profile, k: int
+) -> CalibratedParameter:
+    q, left = found.problem.quantities[k], abs(float(known.shift[k]))
+    low, high = (q.value(x) if np.isfinite(x) else None for x in (seen.low - left, seen.high + left))
     values = np.array([q.value(x) for x in seen.z])
     return replace(p, low=low, high=high, profile=ParameterProfile(values=values, cost=seen.cost))

@@ -168,6 +168,10 @@ class ModelRuns:
         self._known: OrderedDict[_Key, RunOutputs] = OrderedDict()
         self._prints = [_print_of(one) for one in self._data] if place.store is not None else []
 
+    def elsewhere(self, place: RunPlace) -> ModelRuns:
+        """Return the runs of the same data in another place, none made yet."""
+        return ModelRuns(place, self._data, self._quantities)
+
     def outputs(self, points: Sequence[Floats]) -> list[list[Floats | None]]:
         """Return the outputs of the sensors, [point][data] of shape (n, p); None: the run failed.
 

@@ -130,7 +130,7 @@ class TrimProblem:
             left_open: number of directions along which there are other solutions; None: there is no solution.
         """
         n, m = len(self.unknowns), len(self._counting())
-        if n == m:
+        if n == m and not left_open:
             return ""
         names = _listed([k.slot.name for k in self.unknowns]) or "none"
         counted = f"{n} unknown{_s(n)} ({names}), {m} equation{_s(m)} ({_listed(self._counting()) or 'none'})"
@@ -146,7 +146,7 @@ class TrimProblem:
             return "no direction is left open here all the same: the solution is isolated"
         if spare > 0 and left_open is None:
             return f"under-determined by {spare}"
-        if spare > 0:
+        if spare > 0 or (spare == 0 and left_open):
             spare = left_open or spare  # the rank of the Jacobian tells it better than the numbers
             return f"under-determined by {spare}; fix {_more(spare)}; otherwise one of many solutions is chosen"
         if left_open is not None:

@@ -87,7 +87,12 @@ class _TrimRun:
             way = (f"co-simulation shows no derivatives that could be solved for; {self.model.way_out()}",)
         result = replace(result, operating_point=named(self.model, result.operating_point))
         way += () if result.converged else self._without_fixed()
-        notes = (*result.notes, *way, *self._why_no_start(result), *self.model.remarks())
+        notes = (
+            *result.notes,
+            *way,
+            *self._why_no_start(result),
+            *self.model.remarks({*self.sets.guess, *self.sets.fix}),
+        )
         return replace(result, notes=notes)
 
     def _without_fixed(self) -> tuple[str, ...]:

@@ -92,7 +92,7 @@ def _first_step(problem: TrimProblem, here: Floats, silent: list[int], widths: F
     jacobian = np.nan_to_num(np.column_stack(slopes))
     back = pseudo_inverse(jacobian)
     step = back @ -here
-    error = np.abs(back) @ _left_open(problem, here, jacobian, step, nominal)
+    error = np.abs(back) @ _left_open(problem, here, jacobian, step, nominal) + _dust(jacobian, here)
     return {i: float(abs(step[i]) * nominal[i]) for i in straight if abs(step[i]) > error[i]}
 
 
@@ -112,6 +112,17 @@ def _left_open(problem: TrimProblem, here: Floats, jacobian: Floats, step: Float
     terms = np.abs(here) + np.abs(jacobian) @ (np.abs(start) + np.abs(step))
     error = max(_EPS, problem.balance.precision)
     return np.asarray(error * terms * (1.0 + 2.0 * np.abs(step).sum() / _NEAR))
+
+
+def _dust(jacobian: Floats, here: Floats) -> Floats:
+    """Return what rounding of the pseudo-inverse itself makes of a step, shape (k,): a relative ε·κ of its norm.
+
+    Without it an unknown that no equation depends on, as the position at the end of an integrator, has a tiny step.
+    """
+    rows, columns = _even(jacobian)
+    even = rows[:, None] * jacobian * columns
+    norm = float(np.linalg.norm(np.linalg.pinv(even, rcond=1e-7)))
+    return np.asarray(columns * (_EPS * float(np.linalg.norm(even)) * norm**2 * float(np.linalg.norm(rows * here))))
 
 
 def clear_of_zero(jacobian: Floats, values: Floats, precision: float) -> NDArray[np.bool_]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from workbench.core.values.arrays import Floats
 from workbench.core.values.decibels import decibels
 from workbench.errors import WorkbenchError
 from workbench.response.nfr.curve import DROP_DB, fall_of
@@ -168,7 +169,9 @@ def _bandwidth(row: Sequence[NfrPoint], drop_db: float, measure: Measure) -> tup
     )
     fall = fall_of(f, gain_db + (DROP_DB - drop_db) * (f > f[0]), error)
     if fall is None:
-        return None, None, f"the gain does not surely fall by {drop_db:g} dB up to {f[-1]:g} Hz"
+        margin = gain_db - gain_db[0] + drop_db - _in_db(error) - _in_db(error)[0]
+        surely = "" if np.all(margin[1:] > 0.0) else "surely "
+        return None, None, f"the gain does not {surely}fall by {drop_db:g} dB up to {f[-1]:g} Hz"
     first, a = row[0], row[0].amplitude
 
     def above(log_f: float) -> tuple[float, float]:
@@ -176,6 +179,11 @@ def _bandwidth(row: Sequence[NfrPoint], drop_db: float, measure: Measure) -> tup
 
     root, width, remark = _root(above, math.log(fall.low), math.log(fall.high))
     return math.exp(root), math.exp(root) * width, remark
+
+
+def _in_db(error: Floats) -> Floats:
+    """Return relative errors of gains in dB."""
+    return np.asarray(20.0 * np.log10(1.0 + error), dtype=np.float64)
 
 
 def _lag(row: Sequence[NfrPoint], measure: Measure) -> tuple[float | None, float | None, str]:

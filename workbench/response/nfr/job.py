@@ -77,7 +77,7 @@ class StartJob(WorkItem):
                 yield watch(session, self.task)
         if self.watched and (words := hidden(model, self.task)):
             yield Remark(words)
-        yield from map(Remark, model.remarks())
+        yield from map(Remark, model.remarks([self.task.input]))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -260,7 +260,7 @@ def _offset(result: NfrResult, i: int, j: int) -> str:
     """
     certificate = result.certificates[i][j]
     if certificate is not None and any(abs(mu - 1.0) <= NEUTRAL for mu in certificate.multipliers):
-        return "unknown"
+        return "any"
     offset, motion = float(result.offset[i, j]), float(result.gain[i, j] * result.amplitude[i])
     least = max(float(result.error[i, j]), _NOTHING) * motion
     return f"<{least:.1g}" if abs(offset) < least else number(offset, ".4g")

@@ -120,7 +120,8 @@ class Nfr(AtPoint, InWorkers, ModelRequest["NfrResult"]):
         positive=True,
     )
     max_periods: int = option(
-        "Number of periods after which a point that has not settled is averaged, and marked as such.",
+        "Number of periods that a run waits for the response to settle; a point that has not settled by then is "
+        "averaged, and marked as such. Periods that solving for the response takes (method auto) count apart.",
         default=20,
         least=2,
     )

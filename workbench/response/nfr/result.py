@@ -91,7 +91,8 @@ class NfrResult(Result):
         error: of the response, relative to the true one, as a complex number's magnitude, with 95 % confidence; NaN
             where it is not known.
         stable: 1 where the periodic motion is stable, 0 where it is not, NaN where that is not known.
-        periods: int, periods run.
+        periods: int, periods run; where the response was solved for, also those of differences: they may be more than
+            `max_periods`, which limits how long a run waits.
         step: communication step of the run that is reported [s]; NaN for model exchange.
         failed: the points without a value, each with its reason.
         warnings: remarks on single points and on the model, one line each.

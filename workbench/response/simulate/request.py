@@ -53,6 +53,8 @@ class Simulate(AtPoint, ModelRequest["SimulationResult"]):
     counts = "percent of the run"
     undivided = True
 
+    instead = {"interval": "step"}  # noqa: RUF012 - as its annotation in `Request` says
+
     _: KW_ONLY
     stop: float | None = option(
         "End of the run; by default that of the FMU's default experiment.",

@@ -236,14 +236,14 @@ class _Run:
             record = _at_points(record, self.start, self.points, () if end is None else record.time[-1:])
         if isinstance(failed, DivergenceError) and not self.exactly:
             record = _with_rows(record, failed.followed)
-        record, missing = _missing(record)
+        record, missing = _missing(_without_twins(record))
         units = declared_units(model, [*self.names, *self.inputs])
         columns = {**record.values, **record.inputs}
         if once.ended is not None:
             notes += (f"{once.ended}, before {self.stop:g} s",)
         notes += (*missing, *_growth(record, units), *_inexact(model, columns))
         derived = model.derived_step(once.step) if isinstance(model, DescribedModel) else ()
-        notes += (*derived, *_sampled(model, self.inputs), *model.remarks())
+        notes += (*derived, *_sampled(model, self.inputs), *model.remarks(self.inputs))
         return SimulationResult(
             model.name,
             model.interface,
@@ -398,6 +398,21 @@ def _at_points(record: Recorded, start: float, points: Floats, end: Sequence[flo
         keep[:-1] |= ~_same(column[1:], column[:-1])
     if not np.array_equal(record.time[last], times):
         keep &= times[np.searchsorted(times[:-1], record.time)] == record.time
+    return Recorded(
+        time=record.time[keep],
+        values={n: v[keep] for n, v in record.values.items()},
+        inputs={n: v[keep] for n, v in record.inputs.items()},
+    )
+
+
+def _without_twins(record: Recorded) -> Recorded:
+    """Leave out each row that is the one before it to the last digit: an event at which nothing recorded changes."""
+    twin = record.time[1:] == record.time[:-1]
+    for column in (*record.values.values(), *record.inputs.values()):
+        twin &= _same(column[1:], column[:-1])
+    if not twin.any():
+        return record
+    keep = np.append(True, ~twin)
     return Recorded(
         time=record.time[keep],
         values={n: v[keep] for n, v in record.values.items()},

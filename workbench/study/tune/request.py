@@ -95,6 +95,8 @@ class Tune(Request["str | Path", "TuneResult"]):
     counts = "steps"
     isolated = False  # its analyses and linearisations are made in worker processes
 
+    writes = ("out",)
+
     _: KW_ONLY
     free: Free = option(
         "Parameter of a block or an FMU to find, with its limits where they are known.", of=EACH, first=True

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Collection
 
 from workbench.errors import InputError, suggest
 from workbench.fmi.description import Capabilities, ModelDescription
@@ -136,8 +137,8 @@ class MasterModel(ConnectedModel):
         finally:
             self._probing = before
 
-    def remarks(self) -> tuple[str, ...]:
-        notes = (*super().remarks(), *self._shown_late())
+    def remarks(self, given: Collection[str] = ()) -> tuple[str, ...]:
+        notes = (*super().remarks(given), *self._shown_late())
         if self.recipe.system.master.extrapolation < 2 or not (why := self.why_replay()):
             return notes
         return (*notes, f"extrapolation: the first step cannot be repeated and knows no slope: {why}")
