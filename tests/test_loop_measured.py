@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import control
 import numpy as np
@@ -10,13 +11,17 @@ import pytest
 
 from tests.loop_models import SATURATION, S, saturation_gain, transfer, unity
 from workbench.core.values.linear import Linear, LinearPart
+from workbench.core.values.response import Response
 from workbench.errors import InputError
 from workbench.jobs.options import Workers
 from workbench.loops.loop.injecting import first_guess
 from workbench.loops.loop.margins import curve_margins, margins_of
+from workbench.loops.loop.page import margin_tables, margin_verdict
 from workbench.loops.loop.request import loop
 from workbench.loops.loop.result import LoopResult
 from workbench.point.trim.request import trim
+from workbench.study.requirements import read_requirement
+from workbench.study.requirements.base import NotMeasured
 from workbench.system.connect import connect
 
 HERE = Workers(in_process=True)
@@ -168,13 +173,48 @@ def test_margins_of_a_curve_are_those_of_its_transfer_function() -> None:
     loop_transfer = transfer(200 * (S + 1) ** 2 / S**3 / (S + 50) * 50)
     exact = margins_of(loop_transfer)
     f = np.geomspace(0.01, 100.0, 120)
-    m = curve_margins(f, loop_transfer.response(f), linear=exact, stability=None)
-    assert m.verdict == "unknown"
+    m = Response(f, loop_transfer.response(f)).margins()
+    assert m.verdict == "not judged"
     assert m.gain_reduction == pytest.approx(exact.gain_reduction, rel=1e-3)
     assert m.phase_margin_deg == pytest.approx(exact.phase_margin_deg, abs=0.05)
     assert m.delay_margin_s == pytest.approx(exact.delay_margin_s, rel=2e-3)
     assert m.peak_sensitivity == pytest.approx(exact.peak_sensitivity, rel=2e-3)
     assert math.isnan(m.gain_margin)  # not seen is not infinite
+
+
+def test_margins_are_unknown_where_the_verdict_is(saturated: LoopResult) -> None:
+    """In numbers, record, page and requirements, as of a linear loop of which is not known whether it is stable."""
+    curve = saturated.curve(2.0, "break")
+    m = curve_margins(
+        curve.frequency_hz, curve.value, linear=saturated.margins, stability=saturated.linear.stability,  # type: ignore[union-attr]
+        doubt="their errors may reach -1",
+    )  # fmt: skip
+    assert m.verdict == "unknown"
+    told = replace(saturated, curves=(replace(curve, margins=m),)).to_dict()
+    record = told["measured"][0]["margins"]
+    assert all(record[name] is None for name in (*m.derived(), "disk_margin", "peak_sensitivity"))
+    shown = {row[0] for table in margin_tables(m) for row in table.rows}
+    assert shown == {"gain crossover", "phase crossover"}
+    assert "margin" not in margin_verdict("break", m).text
+    for kind in ("gain margin", "phase margin", "delay margin", "disk margin", "peak sensitivity"):
+        asked = {"name": "r", "analysis": "a", "kind": kind, "source": "measured", "max": 1e9}
+        with pytest.raises(NotMeasured, match="is not known"):
+            read_requirement(asked, "here").find([told])
+    value = {"name": "r", "analysis": "a", "kind": "value", "path": "measured[0].margins.gain_margin_db", "max": 1e9}
+    with pytest.raises(NotMeasured, match="there is no value"):
+        read_requirement(value, "here").find([told])
+
+
+@pytest.mark.parametrize("doubt", ["", "their errors may reach -1"])
+def test_a_curve_of_which_nothing_is_known_has_crossovers_and_no_margins(doubt: str) -> None:
+    loop_transfer = transfer(4.0 / (S + 1) ** 3)
+    f = np.geomspace(0.01, 10.0, 60)
+    m = curve_margins(f, loop_transfer.response(f), linear=None, stability=None, doubt=doubt)
+    assert m.verdict == "unknown"
+    assert m.phase_crossovers[0].factor == pytest.approx(2.0, rel=1e-3)
+    assert np.isnan([m.gain_margin_db, m.phase_margin_deg, m.delay_margin_s, m.peak_sensitivity]).all()
+    assert m.disk is None
+    assert "margin" not in str(m)
 
 
 @pytest.mark.parametrize(

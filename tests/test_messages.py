@@ -7,7 +7,7 @@ import cmath
 import json
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -204,6 +204,34 @@ def test_python_says_what_was_given_and_what_is_wanted(tmp_path: Path, monkeypat
         wb.LinResult.read("model.fmu")
     with pytest.raises(wb.InputError, match=r"^state_names: 1 given \(x\), but the matrices have 2 states$"):
         wb.Linear(np.eye(2), np.zeros((2, 1)), np.eye(2), np.zeros((2, 1)), state_names=("x",))
+
+
+def test_python_says_what_it_takes_where_an_error_of_its_own_would_come(tmp_path: Path) -> None:
+    """A TypeError from pathlib, or the options of a connection whose two ends are letters of a name, help nobody."""
+    from matplotlib.figure import Figure
+
+    rng = np.random.default_rng(0)
+    data = wb.make_experiment(0.1, u=rng.standard_normal(200), y=rng.standard_normal(200))
+    axes = Figure().subplots()
+    pairs = r"give pairs \(source, destination\)"
+    with wb.load(LAG) as model:
+        run = wb.simulate(model, stop=0.1, inputs={"u": 1})
+        lines: list[tuple[Callable[[], object], str]] = [
+            (lambda: wb.identify(data, order="two"), "order: 'two' is neither auto nor ask nor a number of states"),  # type: ignore[arg-type]
+            (lambda: wb.identify(np.ones((9, 2))), "class ndarray is not the name of a file; wb.make_experiment makes"),  # type: ignore[arg-type]
+            (lambda: wb.calibrate(model, np.ones((9, 2)), free=["tau"]), "is not the name of a file; wb.make_exp"),  # type: ignore[arg-type]
+            (lambda: wb.calibrate(model, [data], free={"tau": 2}), "tau: 2 is not a pair of limits, as in"),  # type: ignore[dict-item]
+            (lambda: wb.nfr(model, "u", "y", [1.0], [1, 1]), "amplitudes: 1 is given twice"),
+            (lambda: run.plot(axes), "class Axes is not the name of a file; give axes of your own as `axes`"),  # type: ignore[arg-type]
+            (lambda: run.report(axes), "class Axes is not the name of a file"),  # type: ignore[arg-type]
+            (lambda: run.to_csv(axes), "class Axes is not the name of a file"),  # type: ignore[arg-type]
+            (lambda: wb.connect({"a": LAG, "k": 2.0}, ["a.y", "k.u"]), pairs),  # type: ignore[list-item]
+            (lambda: wb.connect({"a": LAG, "k": 2.0}, {"a.y": "k.u"}), pairs),  # type: ignore[arg-type]
+            (lambda: wb.connect({"a": LAG, "k": 2.0}, [("a.y", "k.u", "x")]), "options are a dictionary"),  # type: ignore[list-item]
+        ]
+        for call, words in lines:
+            with pytest.raises(wb.InputError, match=words):
+                call()
 
 
 def test_signals_say_that_they_take_their_values_by_name() -> None:

@@ -144,7 +144,7 @@ def test_margins_of_a_loop_of_an_integrator_and_two_lags() -> None:
     phase_margin = 90.0 - math.degrees(math.atan(w) + math.atan(w / 2.0))
     assert found.phase_margin_deg == pytest.approx(phase_margin, abs=0.01)
     assert found.delay_margin_s == pytest.approx(math.radians(phase_margin) / w, rel=1e-4)
-    assert found.verdict == "unknown"
+    assert found.verdict == "not judged"
 
 
 def test_a_curve_has_names_units_and_wrong_names_are_told() -> None:

@@ -35,7 +35,7 @@ def heated(tmp_path_factory: pytest.TempPathFactory) -> Iterator[wb.Model]:
         yield model
 
 
-def forced(model: wb.Model, name: str, text: str) -> Signal:
+def forced(model: wb.Model, name: str, text: str | Path) -> Signal:
     return forced_inputs(model, {name: text})[name]
 
 
@@ -118,15 +118,34 @@ def test_without_the_input_values_have_no_units() -> None:
 @pytest.mark.parametrize(
     ("cell", "words"),
     [
-        ("0.5rad", r"u\.csv: '0.5rad' has a unit, which belongs to the heading, as in 'u \[rad\]'"),
-        ("1_0", r"u\.csv: needs two columns of numbers"),
-        ("0,5", r"u\.csv: '0,5' has a comma for its decimals; write a point, as in 0.5"),
+        ("0.5rad", r"u\.csv: line 3: '0.5rad' has a unit, which belongs to the heading, as in 'u \[rad\]'"),
+        ("1_0", r"u\.csv: line 3, cell 2: '1_0' is not a number; needs two columns of numbers"),
+        ("", r"u\.csv: line 3, cell 2: is empty"),
+        ("nan", r"u\.csv: line 3, cell 2: 'nan' is not a finite number"),
+        ("0,5", r"u\.csv: line 3: '0,5' has a comma for its decimals; write a point, as in 0.5"),
     ],
 )
 def test_cells_of_a_file_are_plain_numbers(rudder: wb.Model, tmp_path: Path, cell: str, words: str) -> None:
     (tmp_path / "u.csv").write_text(f"time;delC\n0;0\n1;{cell}\n", encoding="utf-8")
     with pytest.raises(InputError, match=words):
         forced(rudder, "delC", str(tmp_path / "u.csv"))
+
+
+def test_decimal_commas_in_a_file_are_told(rudder: wb.Model, tmp_path: Path) -> None:
+    """Between commas "1,5" is two cells: read as 1, the signal would be another one."""
+    file = tmp_path / "u.csv"
+    file.write_text("time,delC\n0,1,5\n1,2,5\n", encoding="utf-8")
+    with pytest.raises(InputError, match="line 2 has 3 cells below 2 headings; decimals follow a point"):
+        forced(rudder, "delC", str(file))
+    file.write_text("time;delC\n0;1\n0,5;2\n", encoding="utf-8")
+    with pytest.raises(InputError, match="line 3, cell 1: '0,5' has a comma for its decimals; write a point"):
+        forced(rudder, "delC", str(file))
+
+
+def test_a_file_may_be_named_by_its_path(rudder: wb.Model, tmp_path: Path) -> None:
+    file = tmp_path / "u.csv"
+    file.write_text("time,delC\n0,1\n\n1,2\n", encoding="utf-8")
+    assert forced(rudder, "delC", file) == forced(rudder, "delC", str(file)) == wb.parse_signal(file)
 
 
 def test_the_command_line_and_a_record_have_the_inputs_unit(capfd: pytest.CaptureFixture[str]) -> None:

@@ -92,8 +92,13 @@ def test_the_start_may_be_one_of_the_points(points: list[float]) -> None:
 
 @pytest.mark.parametrize("points", [None, [0.1, 0.4]])
 def test_points_or_interval(points: list[float] | None) -> None:
-    result = simulate(IntegratorModel(), stop=0.4, interval=0.3, points=points)
+    result = simulate(IntegratorModel(), stop=0.4, interval=None if points else 0.3, points=points)
     assert result.time == pytest.approx([0.0, 0.1, 0.4] if points else [0.0, 0.3, 0.4])
+
+
+def test_points_and_interval_are_refused() -> None:
+    with pytest.raises(InputError, match="points: are recorded instead of rows at an `interval`; give one of the two"):
+        simulate(IntegratorModel(), stop=1.0, points=[0.5], interval=0.1)
 
 
 @pytest.mark.parametrize("step", [0.01, 0.05])  # with communication points between, and without

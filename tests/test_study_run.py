@@ -129,6 +129,9 @@ def test_an_oscillation_that_all_rows_meet_at_one_phase_is_seen(tmp_path: Path) 
     text, overshoot = ring_system()
     (tmp_path / "ring.toml").write_text(text, encoding="utf-8")
     found = wb.run_study(study(tmp_path, RING), store=None, jobs=1)
+    assert repr(found).startswith(f"<StudyResult: {found.study.name}. ")
+    assert len(repr(found)) < 700
+    assert found == found  # noqa: PLR0124 - its runs hold arrays
     usual, coarse, peak = (next(c.finding for c in found.checked if c.name == n) for n in ("usual", "coarse", "peak"))
     # Over 500 swings the tolerance of the solver leaves 0.03 %; with steps of 1 ms, too.
     assert usual.value == pytest.approx(overshoot, abs=0.05)

@@ -278,6 +278,15 @@ def test_columns_are_found_by_name_and_refused_in_one_line() -> None:
         validate(lag(), make_experiment(DT, u, y, input_names=("U2",), output_names=("y",)))
 
 
+def test_several_channels_with_other_names_are_refused() -> None:
+    """Which of r and s is p nothing tells: taken by their place, fits of exchanged outputs would be told."""
+    u, y = noisy(np.random.default_rng(15))
+    both = model_of([[0.8]], [[0.2]], [[1.0], [2.0]], [[0.0], [0.0]])
+    data = make_experiment(DT, u, np.hstack([2.0 * y, y]), input_names=("x",), output_names=("r", "s"))
+    with pytest.raises(InputError, match="has x → r, s, none of them of the model, u → y, z; rename them"):
+        validate(both, data)
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

@@ -199,6 +199,7 @@ class Request(Options, Generic[_Subject, _Record]):
         try:
             with self._reached(job) as request:
                 request = request.by_own_names(subject, job).in_own_units(subject)  # noqa: PLW2901
+                job.notes += request.beyond_limits(subject)
                 result = named(_BEHIND_A_WALL if self.isolated else self.algorithm)(subject, request, job)
         except BaseException:
             job.partial = partial(_so_far, job.partial, job)
@@ -242,6 +243,18 @@ class Request(Options, Generic[_Subject, _Record]):
             names = value if declared.option.of == EACH else self.variable_of(declared, subject)
             result[declared.name] = named(_IN_OWN_UNITS)(subject, names, value, declared)
         return replace(self, **result) if result else self
+
+    def beyond_limits(self, subject: _Subject) -> list[str]:
+        """Return a note on each variable that is set or forced outside of the limits that the model declares for it.
+
+        Args:
+            subject: the model.
+        """
+        if not self.subject.opened or self.subject.several:
+            return []
+        options = [(d, getattr(self, d.name)) for d in options_of(type(self))]
+        notes: list[str] = named(_BEYOND_LIMITS)(subject, options, getattr(self, "at", None))
+        return notes
 
     def variable_of(self, declared: DeclaredOption, subject: _Subject) -> str:
         """Return the name of the variable in whose unit an option is.
@@ -331,6 +344,7 @@ def _portable(subject: object) -> bool:
 _NO_MODEL = object()
 _BY_OWN_NAMES = "workbench.model.names:by_own_names"
 _IN_OWN_UNITS = "workbench.model.names:in_own_units"
+_BEYOND_LIMITS = "workbench.model.limits:beyond_limits"
 _BEHIND_A_WALL = "workbench.requests.in_worker:in_worker"  # which knows requests
 _MODELS = "model_"  # begins the name of a model's option where the request has one of that name
 _MODEL: Mapping[str, Any] = {

@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import FixedFormatter, Formatter, FuncFormatter
 
-from workbench.core.machine.files import replacing
+from workbench.core.machine.files import file_path, replacing
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError, shortened, suggest, visible
 
@@ -313,7 +313,7 @@ def save(figure: Figure, path: str | Path) -> None:
     Raises:
         InputError: another suffix, or the file cannot be written.
     """
-    path = Path(path)
+    path = file_path(path, otherwise="give axes of your own as `axes`")
     if path.suffix.lower() not in _SUFFIXES:
         raise InputError(f"{path}: '{path.suffix}' is not a picture format; {suggest(path.suffix, _SUFFIXES)}")
     with replacing(path) as part, mpl.rc_context(_STYLE), warnings.catch_warnings():

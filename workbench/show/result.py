@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from workbench import __version__
+from workbench.core.machine.files import file_path
 from workbench.core.records.named import named
 from workbench.core.records.record import Record, plain
 from workbench.errors import InputError, one_line, visible
@@ -97,6 +98,8 @@ def drawn(
     from workbench.show.figure import on_axes, save, with_point  # noqa: PLC0415 - matplotlib
 
     figure: Figure
+    if path is not None:
+        file_path(path, otherwise="give axes of your own as `axes`")  # said before the picture is drawn
     if axes is None:
         figure = with_point(named(name)(*shown, **options), shown[0])
     else:
@@ -190,7 +193,7 @@ def write_report(result: object, path: str | Path, origin: Origin | None = None)
     Raises:
         InputError: it has no page, another suffix, or the file cannot be written.
     """
-    if Path(path).suffix.lower() not in SUFFIXES:  # said before the pictures are drawn
+    if file_path(path).suffix.lower() not in SUFFIXES:  # said before the pictures are drawn
         raise InputError(f"{path}: a report is a page; name it {SUFFIXES[0]}")
     known = origin or origin_of(result) or Origin()
     page = result if isinstance(result, Page) else page_of(result)

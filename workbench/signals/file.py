@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import csv
+import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from workbench.core.machine.files import content_of
@@ -43,7 +44,19 @@ def read_table(path: str | Path, numbers: Numbers = PLAIN) -> Table:
     return _column(Path(path), headings, rows, 1, numbers)
 
 
-def rows_of(path: Path, called: str = "") -> tuple[list[str], list[list[str]]]:
+class Row(list[str]):
+    """The cells of a row.
+
+    Attributes:
+        line: its number in the file, from 1.
+    """
+
+    def __init__(self, cells: Iterable[str], line: int) -> None:
+        super().__init__(cells)
+        self.line = line
+
+
+def rows_of(path: Path, called: str = "") -> tuple[list[str], list[Row]]:
     """Return the headings of a CSV file, with their units, and its rows; no headings: empty.
 
     Args:
@@ -51,7 +64,7 @@ def rows_of(path: Path, called: str = "") -> tuple[list[str], list[list[str]]]:
         called: what messages call it; empty: by its path.
 
     Raises:
-        InputError: it cannot be read, is not text, or has no rows.
+        InputError: it cannot be read, is not text, has no rows, or a row has more cells than there are headings.
     """
     name = called or path
     try:
@@ -62,7 +75,8 @@ def rows_of(path: Path, called: str = "") -> tuple[list[str], list[list[str]]]:
         raise InputError(f"{name}: is not UTF-8 text (byte {error.start}); save it as UTF-8") from None
     delimiter = next((d for d in ";\t" if d in text), ",")
     try:
-        rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if row]
+        read = csv.reader(text.splitlines(), delimiter=delimiter)
+        rows: list[Row] = [Row(row, read.line_num) for row in read if row]
     except csv.Error as error:
         raise InputError(f"{name}: is not a table of time and value: {error}") from None
     headings = [] if not rows or is_number(rows[0][0]) else [cell.strip() for cell in rows.pop(0)]
@@ -70,13 +84,19 @@ def rows_of(path: Path, called: str = "") -> tuple[list[str], list[list[str]]]:
         raise InputError(
             f"{name}: has no row {'below its headings' if headings else 'in it'}; needs time [s] and value"
         )
+    long = next((row for row in rows if len(row) > len(headings) and any(row[len(headings) :])), None)
+    if headings and long is not None:
+        raise InputError(
+            f"{name}: line {long.line} has {len(long)} cells below {len(headings)} headings; decimals follow a point, "
+            "and where they follow a comma, columns are separated by semicolons"
+        )
     return headings, rows
 
 
 def _column(
     path: Path,
     headings: Sequence[str],
-    rows: Sequence[Sequence[str]],
+    rows: Sequence[Row],
     column: int,
     numbers: Numbers = PLAIN,
 ) -> Table:
@@ -84,13 +104,34 @@ def _column(
     second = seconds_of(path, headings[0]) if headings else 1.0
     try:
         times = [in_other_unit(number(r[0]), (second, 0.0)) for r in rows]
-        return Table(times, [_cell(path, r[column], numbers) for r in rows], unit=unit)
+        values = [_cell(f"{path}: line {r.line}", r[column], numbers) for r in rows]
     except (ValueError, IndexError):
-        what = "two columns of numbers" if column == 1 else f"numbers in its columns 1 and {column + 1}"
-        raise InputError(f"{path}: needs {what}, time [s] and value") from None
+        times, values = [], [math.nan]
+    if not all(map(math.isfinite, values)) or not all(map(math.isfinite, times)):
+        raise InputError(f"{path}: {_wrong(rows, column)}, time [s] and value")
+    return Table(times, values, unit=unit)
 
 
-def _cell(path: Path, text: str, numbers: Numbers) -> float:
+def _wrong(rows: Sequence[Row], column: int) -> str:
+    """Return which cell is the first that is not a number, and what a signal needs."""
+    needed = "needs two columns of numbers" if column == 1 else f"needs numbers in its columns 1 and {column + 1}"
+    for row in rows:
+        for place in (0, column):
+            cell = row[place].strip() if place < len(row) else ""
+            if is_number(cell) and math.isfinite(float(cell)):
+                continue
+            try:
+                quantity(cell)
+                words = f"'{cell}' is not a finite number"
+            except DecimalCommaError as error:
+                words = str(error)
+            except ValueError:
+                words = f"'{cell}' is not a number"
+            return f"line {row.line}, cell {place + 1}: {words if cell else 'is empty'}; {needed}"
+    return needed
+
+
+def _cell(where: str, text: str, numbers: Numbers) -> float:
     """Return the value in a cell; raises InputError with what is wrong where that is clear, else ValueError."""
     try:
         return numbers.plain(text)
@@ -98,12 +139,12 @@ def _cell(path: Path, text: str, numbers: Numbers) -> float:
         pass
     cell = text.strip()
     if numbers.words and cell:
-        raise InputError(f"{path}: '{cell}' is not a value that the input can have; {suggest(cell, numbers.words)}")
+        raise InputError(f"{where}: '{cell}' is not a value that the input can have; {suggest(cell, numbers.words)}")
     try:
         _, unit = quantity(cell)
     except DecimalCommaError as error:
-        raise InputError(f"{path}: {error}") from None
-    raise InputError(f"{path}: '{cell}' has a unit, which belongs to the heading, as in 'u [{unit}]'")
+        raise InputError(f"{where}: {error}") from None
+    raise InputError(f"{where}: '{cell}' has a unit, which belongs to the heading, as in 'u [{unit}]'")
 
 
 def named_columns(name: str, path: Path, numbers: Callable[[str], Numbers]) -> dict[str, Signal]:

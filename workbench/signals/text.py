@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from numbers import Real
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
 
 from workbench.core.records.csv_file import is_number
@@ -134,7 +134,7 @@ def _key_values(kind: str, text: str, numbers: Numbers) -> dict[str, float]:
     return values
 
 
-def parse_signal(text: str, words: Mapping[str, float] = PLAIN.words) -> Signal:
+def parse_signal(text: str | Path, words: Mapping[str, float] = PLAIN.words) -> Signal:
     """Return the signal that `text` describes.
 
     Args:
@@ -157,7 +157,7 @@ def parse_signal(text: str, words: Mapping[str, float] = PLAIN.words) -> Signal:
         >>> wb.parse_signal("step:time=1,initial=Off,value=On", {"Off": 1, "On": 2})
         Step(time=1.0, value=2.0, initial=1.0)
     """
-    return _parsed(text, Numbers(words))
+    return _parsed(str(text), Numbers(words))
 
 
 def _parsed(text: str, numbers: Numbers) -> Signal:
@@ -235,7 +235,12 @@ def _table(text: str, numbers: Numbers) -> Table:
 
 
 _Reading: TypeAlias = Callable[[str], Numbers]
-_Given: TypeAlias = "Signal | float | str | Sequence[Any] | NDArray[Any]"
+_Given: TypeAlias = "Signal | float | str | Path | Sequence[Any] | NDArray[Any]"
+
+
+def _as_text(value: Any) -> Any:  # noqa: ANN401 - what a caller gives for a signal
+    """Return the name of a file as text; others as they are."""
+    return str(value) if isinstance(value, PurePath) else value
 
 
 def signals_of(given: Mapping[str, _Given], numbers: _Reading = lambda _: PLAIN) -> dict[str, Signal]:
@@ -266,7 +271,7 @@ def readable(given: Mapping[str, _Given]) -> dict[str, Signal | str]:
         InputError: a text that is not a signal, whatever its words and units mean.
     """
     result: dict[str, Signal | str] = {}
-    for name, value in given.items():
+    for name, value in ((name, _as_text(value)) for name, value in given.items()):
         try:
             _merge(result, _every({name: value}, lambda _: PLAIN, _left))
         except InputError:
@@ -306,7 +311,7 @@ def _merge(result: dict[str, _T], more: Mapping[str, _T]) -> None:
 
 
 def _signals(name: str, value: _Given, numbers: _Reading, leaf: Callable[[str, object], _T]) -> Mapping[str, _T]:
-    value = plain(value)
+    value = _as_text(plain(value))
     if isinstance(value, str):
         text = value.strip()
         if text.startswith("[") and text.endswith("]"):

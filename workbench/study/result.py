@@ -10,6 +10,7 @@ from typing import Any, TextIO
 
 from workbench.core.records.csv_file import write_csv
 from workbench.core.records.named import named
+from workbench.errors import one_line, shortened
 from workbench.show.cases import Case, Judged
 from workbench.study.description import Study
 from workbench.study.plan import PlannedRun, RunResult
@@ -69,7 +70,7 @@ class RequirementResult:
         }
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class StudyResult(Judged):
     """What a study came to.
 
@@ -94,6 +95,10 @@ class StudyResult(Judged):
     missing: int
     notes: Sequence[str]
     command: str
+
+    def __repr__(self) -> str:
+        """Return one line: which study it is, and how it came out."""
+        return f"<{type(self).__name__}: {shortened(one_line(f'{self.study.name}. {self.words}'))}>"
 
     @property
     def violated(self) -> list[RequirementResult]:

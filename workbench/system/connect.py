@@ -150,7 +150,7 @@ def _described(
     return SystemDescription(
         name=name,
         components=(),
-        connections=tuple(_connection(c) for c in connections),
+        connections=tuple(_connection(c) for c in _pairs(connections)),
         inputs=_inputs(inputs),
         outputs=_outputs(outputs),
         master=master,
@@ -292,12 +292,26 @@ def _labels(labels: tuple[str, ...], letter: str, count: int) -> tuple[str, ...]
 # -- connections ------------------------------------------------------------------------------
 
 
+def _pairs(connections: Sequence[Wanted]) -> Sequence[Wanted]:
+    given: object = connections
+    if isinstance(given, Mapping | str):
+        raise InputError('connections: give pairs (source, destination), as in [("plant.y", "controller.u")]')
+    return connections
+
+
 def _connection(wanted: Wanted) -> Connection:
     if isinstance(wanted, Connection):
         return wanted
-    if len(wanted) not in (2, 3) or not all(isinstance(name, str) for name in wanted[:2]):
-        raise InputError(f'connection {wanted!r}: give ("component.output", "component.input") or these with options')
+    given: object = wanted
+    pair = isinstance(given, Sequence) and not isinstance(given, str) and len(given) in (2, 3)
+    if not pair or not all(isinstance(name, str) for name in wanted[:2]):
+        raise InputError(
+            f"connection {given!r}: give pairs (source, destination), as in "
+            '[("plant.y", "controller.u")], or these with options'
+        )
     options: Options = wanted[2] if len(wanted) == 3 else {}
+    if not isinstance(options, Mapping):
+        raise InputError(f'connection {wanted[0]} → {wanted[1]}: options are a dictionary, as in {{"gain": -1.0}}')
     for key in options:
         if key not in _OPTIONS:
             raise InputError(

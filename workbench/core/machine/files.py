@@ -13,13 +13,29 @@ from pathlib import Path
 
 from workbench.errors import InputError, close_names, one_line
 
-__all__ = ["cache_folder", "close_files", "content_of", "file_to_write", "named_path", "pack", "replacing"]
+__all__ = ["cache_folder", "close_files", "content_of", "file_path", "file_to_write", "named_path", "pack", "replacing"]
 
 _DATE = (1980, 1, 1, 0, 0, 0)  # the first date that zip knows
 _UNIX = 3
 _SHOWN = 60  # characters of a name that no file can have
 _FILE_MODE = 0o100644 << 16
 _LEVEL = 9  # of compression: written once, kept and copied often
+
+
+def file_path(given: object, *, otherwise: str = "") -> Path:
+    """Return the path of a file that Python names.
+
+    Args:
+        given: by a text or a path.
+        otherwise: what to do with anything else.
+
+    Raises:
+        InputError: it is anything else.
+    """
+    if isinstance(given, str | os.PathLike):
+        return Path(given)
+    words = f"a value of class {type(given).__name__} is not the name of a file"
+    raise InputError(f"{words}; {otherwise}" if otherwise else words)
 
 
 def named_path(path: str | Path) -> Path:
@@ -118,7 +134,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
     Raises:
         InputError: it cannot be written.
     """
-    target = Path(path)
+    target = file_path(path)
     try:
         if target.exists() and not target.is_file() and not target.is_dir():
             yield target

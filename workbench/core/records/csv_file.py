@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TextIO
 
-from workbench.core.machine.files import replacing
+from workbench.core.machine.files import file_path, replacing
 from workbench.errors import visible
 
 __all__ = ["is_number", "write_csv"]
@@ -34,6 +34,8 @@ def write_csv(
     Raises:
         InputError: the file cannot be written.
     """
+    if not isinstance(target, str | Path) and not hasattr(target, "writelines"):
+        file_path(target)
     if not isinstance(target, str | Path):
         target.writelines(f"{line}\n" for line in remarks)
         _write(target, rows, units)

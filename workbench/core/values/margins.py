@@ -10,10 +10,12 @@ from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.decibels import decibels
 
 __all__ = [
-    "BORDER", "STABLE", "UNKNOWN", "UNSTABLE", "DiskMargin", "GainCrossover", "Margins", "PhaseCrossover", "disk_of",
+    "BORDER", "STABLE", "SUPPOSED", "UNKNOWN", "UNSTABLE", "DiskMargin", "GainCrossover", "Margins", "PhaseCrossover",
+    "disk_of",
 ]  # fmt: skip
 
 STABLE, UNSTABLE, BORDER, UNKNOWN = "stable", "unstable", "at the border", "unknown"  # verdicts on a closed loop
+SUPPOSED = "not judged"  # of a curve that is read without its system: margins hold if the closed loop is stable
 
 
 @dataclass(frozen=True)
@@ -86,16 +88,17 @@ class DiskMargin:
 
 @dataclass(frozen=True, kw_only=True)
 class Margins(RecordPart):
-    """Margins of one loop transfer. Of a closed loop that is not stable they mean nothing: single numbers are NaN then.
+    """Margins of one loop transfer. Of a closed loop that is unstable, or perhaps so, single numbers are NaN.
 
     The crossovers are facts of L and stand here whether the closed loop is stable or not.
 
     Attributes:
-        verdict: on the closed loop: "stable", "unstable", "at the border", or "unknown".
+        verdict: on the closed loop: "stable", "unstable", "at the border", "unknown", or "not judged" (see
+            `Response.margins`).
         words: verdict and reason, one line.
         phase_crossovers: all, by frequency.
         gain_crossovers: all, by frequency.
-        disk: skew 0; None where the closed loop is not stable.
+        disk: skew 0; None where the single numbers are NaN.
         peak_sensitivity: max |S|; its inverse is the distance of L from -1.
         peak_sensitivity_hz: where [Hz].
         peak_complementary: max |T|.
@@ -127,8 +130,8 @@ class Margins(RecordPart):
 
     @property
     def meaningful(self) -> bool:
-        """Whether the closed loop is stable, as far as is known."""
-        return self.verdict not in (UNSTABLE, BORDER)
+        """Whether the closed loop is known, or supposed, to be stable."""
+        return self.verdict in (STABLE, SUPPOSED)
 
     @property
     def crossovers_hz(self) -> tuple[float, ...]:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.decibels import decibels, difference, follow_phase, known, unwrapped
-from workbench.core.values.margins import UNKNOWN, GainCrossover, Margins, PhaseCrossover, disk_of
+from workbench.core.values.margins import SUPPOSED, GainCrossover, Margins, PhaseCrossover, disk_of
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -148,14 +148,15 @@ class Response:
         """Return the margins of this loop transfer L, closed by negative feedback: 1/(1 + L).
 
         Gain and phase are interpolated between the frequencies; only what lies between the lowest and the highest is
-        seen. Whether the closed loop is stable cannot be read off a curve: the verdict is "unknown".
+        seen. Whether the closed loop is stable cannot be read off a curve: the verdict is "not judged", and the margins
+        suppose that it is.
         """
         grid, L = (finer := self.finer(_FINE)).frequency_hz, finer.value
         s, difference, t = (np.abs(x) for x in (1.0 / (1.0 + L), (1.0 - L) / (1.0 + L), L / (1.0 + L)))
         at = {name: _top(grid, x) for name, x in (("s", s), ("d", difference), ("t", t))}
         return Margins(
-            verdict=UNKNOWN,
-            words="whether the closed loop is stable is not known from a curve alone",
+            verdict=SUPPOSED,
+            words="whether the closed loop is stable is not known from a curve alone; the margins suppose it",
             phase_crossovers=tuple(
                 PhaseCrossover(f, 1.0 / abs(complex(self.between(f))), up) for f, up in self.phase_crossings()
             ),

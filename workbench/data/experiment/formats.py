@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.core.machine.files import content_of
+from workbench.core.machine.files import content_of, file_path
 from workbench.core.records.csv_file import is_number
 from workbench.core.records.plug_ins import ExtensibleTable
 from workbench.core.values.arrays import Floats
@@ -35,6 +35,7 @@ _POWER = r"(?:\^?-?\d+|[⁻²³¹]+)?"
 _UNIT_ALONE = re.compile(rf"^{_SYMBOL}{_POWER}(?:(?:\s*[*/.·]\s*|\s+)\(?{_SYMBOL}{_POWER}\)?)*$")
 _BRACKETS = re.compile(r"\[([^\[\]]*)\]|\(([^()]*)\)")  # [rad/(s2)], (s)
 _REMARKS = ("#", "%", "//")
+_ARRAYS = "wb.make_experiment makes data of arrays"
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ def read_table(path: str | Path) -> DataTable:
     Raises:
         InputError: no such file, no numbers, a row of another length, a cell that is not a number.
     """
-    path = Path(path)
+    path = file_path(path, otherwise=_ARRAYS)
     text, notes = _text(path)
     lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
     separator = _separator([line for _, line in lines])
@@ -221,7 +222,7 @@ def read_columns(path: str | Path) -> DataTable:
     Raises:
         InputError: no such file, nothing numeric in it, or a package is missing.
     """
-    path = Path(path)
+    path = file_path(path, otherwise=_ARRAYS)
     suffix = path.suffix.lower()
     if suffix in _TEXTS or (reader := READERS.get(suffix)) is None:
         return read_table(path)

@@ -57,7 +57,8 @@ def _range(name: str, value: Any) -> tuple[float, float]:  # noqa: ANN401 - as a
         return _OPEN
     parts = value.split(":") if isinstance(value, str) else value
     if isinstance(parts, int | float) or len(parts) != 2:
-        raise ValueError(f"{name}: '{value}' is not of the form LO:HI, as in 1:10")
+        form = "of the form LO:HI, as in 1:10" if isinstance(value, str) else "a pair of limits, as in (1, 10)"
+        raise ValueError(f"{name}: {value!r} is not {form}")
     low, high = alike(amount(part) if part not in ("", None) else end for part, end in zip(parts, _OPEN, strict=True))
     units = {getattr(x, "unit", "") for x in (low, high) if math.isfinite(x)}
     if len(units) < 2 and not low < high:  # in different units, the model will tell

@@ -30,10 +30,12 @@ def _split_delay(texts: Sequence[str]) -> int | str | list[int]:
     return int(parts[0]) if len(parts) == 1 else [int(part) for part in parts]
 
 
+_WORD_OR_ORDER = word_or_number("auto", "ask", what="a number of states, 0 (a gain) or more")
 _ORDER = replace(
-    word_or_number("auto", "ask", what="a number of states, 0 (a gain) or more"),
+    _WORD_OR_ORDER,
     metavar="auto|N|ask",
-    read=lambda value: "auto" if value == "ask" else value,  # whom to ask, the command line knows
+    # Whom to ask, the command line knows.
+    read=lambda value: "auto" if value == "ask" else _WORD_OR_ORDER.read(value),
 )
 _DELAY = Form(
     metavar="auto|N,..",

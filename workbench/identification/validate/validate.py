@@ -43,7 +43,8 @@ def validate(
 
     Args:
         model: discrete.
-        data: as recorded; the model takes its operating point off itself.
+        data: as recorded, with the names of the model's channels (one input and one output may have others, which a
+            note tells); the model takes its operating point off itself.
         lags: number of lags of the residual tests [samples]; None: 25, or a quarter of a short record.
         steps: how far ahead the prediction looks [samples].
         start: where the model starts: "fit" at the state that suits the record best, "rest" at the operating point,
@@ -81,7 +82,7 @@ def validate(
 def suited(model: IdentifiedModel, data: Experiment) -> Experiment:
     """Return the data with the model's channels in the model's order, and in its units.
 
-    Channels are found by name; where no name fits, and there are as many as the model has, by their place.
+    Channels are found by name. One input and one output may have other names: they can only be the model's.
 
     Args:
         model: discrete.
@@ -101,10 +102,16 @@ def _chosen(model: IdentifiedModel, data: Experiment) -> Experiment:
     if not missing:
         return data.select(model.input_names, model.output_names)
     numbers = (data.n_inputs, data.n_outputs), (len(model.input_names), len(model.output_names))
-    if len(missing) == len(wanted) and numbers[0] == numbers[1]:
+    if len(missing) == len(wanted) and numbers[0] == numbers[1] and max(numbers[0]) == 1:
         renamed = f"{', '.join(known)} are used as {', '.join(wanted)} of the model"
         notes = (*data.notes, renamed)
         return replace(data, input_names=model.input_names, output_names=model.output_names, notes=notes)
+    if len(missing) == len(wanted):
+        ours, theirs = (
+            f"{', '.join(i)} → {', '.join(o)}"
+            for i, o in ((model.input_names, model.output_names), (data.input_names, data.output_names))
+        )
+        raise InputError(f"{data.name}: has {theirs}, none of them of the model, {ours}; rename them as the model's")
     raise InputError(f"{data.name}: there is no column '{missing[0]}' of the model; {suggest(missing[0], known)}")
 
 

@@ -149,7 +149,8 @@ def curve_margins(
 
     Only what lies between the lowest and the highest frequency is seen. Stability cannot be read off a curve alone. The
     closed loop's unstable poles are counted by Nyquist's criterion as against the linear loop, whose number is known:
-    each crossing of the negative real axis left of -1 upwards adds two, each downwards takes two away.
+    each crossing of the negative real axis left of -1 upwards adds two, each downwards takes two away. Where that does
+    not tell, the verdict is "unknown", and so are margins and peaks (NaN).
 
     Args:
         frequency_hz: rising, shape (k,) [Hz].
@@ -161,8 +162,12 @@ def curve_margins(
     result = Response(frequency_hz, value).margins()
     why = doubt or _why_unknown(frequency_hz, linear, stability)
     verdict, words = _verdict(result.phase_crossovers, linear, stability, why)
-    disk = result.disk if verdict in (STABLE, UNKNOWN) else None
-    return replace(result, verdict=verdict, words=words, disk=disk)
+    if verdict == UNKNOWN:
+        result = replace(
+            result, peak_sensitivity=math.nan, peak_sensitivity_hz=math.nan, peak_complementary=math.nan,
+            peak_complementary_hz=math.nan,
+        )  # fmt: skip
+    return replace(result, verdict=verdict, words=words, disk=result.disk if verdict == STABLE else None)
 
 
 def _verdict(

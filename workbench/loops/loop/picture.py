@@ -205,8 +205,6 @@ def _short(m: Margins) -> str:
         parts.insert(1, f"gain may fall by {_with(-m.gain_reduction_db, 'dB')}")
     if m.disk is not None:
         parts.append(f"disk margin {m.disk.alpha:.3g}")
-    if m.verdict == "unknown":
-        parts.append("stability not known")
     return ", ".join(parts)
 
 

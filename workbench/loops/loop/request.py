@@ -191,7 +191,7 @@ class Loop(AtPoint, InWorkers, ModelRequest["LoopResult"]):
             name = "band" if self.frequencies is None else "frequencies"
             raise InputError(f"{name}: is for measuring with sines; give `amplitudes`, too, or leave it out")
         if self.amplitudes is not None:
-            positive_values("amplitude", several(self.amplitudes), unit="unit of the signal")
+            positive_values("amplitudes", several(self.amplitudes), unit="unit of the signal")
         if self.frequencies is not None or self.band is not None:
             frequency_grid(self.frequencies, self.band, self.ratio, falling=False)
 

@@ -104,7 +104,7 @@ class Fold(RecordPart):
     branch: int = 0
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Onset(RecordPart):
     """From where on the response jumps: where two folds meet (a cusp).
 

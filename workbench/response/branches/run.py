@@ -300,7 +300,7 @@ def _follow(model: Model, request: Branches, job: Job) -> BranchesResult:
         )
 
     job.partial = lambda: result() if solution or any(s.so_far() for s in at_work) else None
-    job.notes = notes
+    notes[:0], job.notes = job.notes, notes
     frequency = several(request.frequencies or (1.0,))[0]
     with job.ended_by(lambda: None):  # it ends before the next period
         for amplitude in amplitudes:

@@ -161,7 +161,7 @@ class Nfr(AtPoint, InWorkers, ModelRequest["NfrResult"]):
     def __post_init__(self) -> None:
         super().__post_init__()
         grid = frequency_grid(self.frequencies, self.band, self.ratio, falling=self.carry)
-        positive_values("amplitude", self.amplitudes or (), unit="unit of the input")
+        positive_values("amplitudes", self.amplitudes or (), unit="unit of the input")
         if self.carry and (self.bandwidth, self.least_bandwidth) != (None, None):
             raise InputError("bandwidth: a carried sweep measures its points in their order, and none between them")
         if self.least_bandwidth is not None and not min(grid) < self.least_bandwidth <= max(grid):

@@ -53,7 +53,7 @@ def run(model: Model, request: Nfr, job: telling.Job) -> NfrResult:
     """Measure a nonlinear frequency response."""
     sweep = Sweep(model, request)
     job.partial = lambda: sweep.result() if sweep.done else None
-    job.notes = sweep.notes
+    sweep.notes[:0], job.notes = job.notes, sweep.notes
     with job.ended_by(sweep.stop), sweep.under_way() as points:
         for point in points:
             job.done(point, sweep.done, sweep.total)

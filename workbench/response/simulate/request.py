@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from workbench.core.records.forms import ARRAY, Names, Numbers
 from workbench.core.records.option import option
 from workbench.core.values.operating_point import AtPoint
+from workbench.errors import InputError
 from workbench.requests.request import ModelRequest, function
 from workbench.signals.text import Signals
 
@@ -103,6 +104,11 @@ class Simulate(AtPoint, ModelRequest["SimulationResult"]):
         "1 %.",
         default=True,
     )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.points is not None and self.interval is not None:
+            raise InputError("points: are recorded instead of rows at an `interval`; give one of the two")
 
     def run(self, subject: Model, job: Job) -> SimulationResult:
         """Simulate, after a word where that takes very many steps.

@@ -14,7 +14,7 @@ from workbench.show.result import Result
 __all__ = ["SimulationResult"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SimulationResult(Result):
     """Time histories.
 
