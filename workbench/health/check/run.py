@@ -37,6 +37,7 @@ _V = TypeVar("_V")
 _HANG = "such points are lost after `timeout`; simulate also shows chattering or a solver in trouble"
 _SLOW = "not checked, so that the card is not passed: give it longer (`timeout`), or leave {name} out (`skip`)"
 _UNKNOWN = Answer("not applicable", "another check lost the process that it ran in", finished=False)
+_LOST = "an input, output, state or start value may be lost, and no check sees it: mend modelDescription.xml"
 _CRASH = "it ends its process: keep the worker processes (never `in_process`); such points are lost"
 
 
@@ -298,17 +299,22 @@ def _joined(paths: Sequence[str], before: tuple[HealthCard, ...], last: HealthCa
 def validation(description: ModelDescription) -> Answer:
     """Compare modelDescription.xml with the standard: schema, names, start values, causalities, units, model structure.
 
-    Watch: rules are bent; the workbench reads the file nevertheless, and `consequence` says what it made of it. A file
-    that cannot be read at all never gets a card: the command ends with the reason.
+    Watch: rules are bent; the workbench reads the file nevertheless, and `consequence` says what it made of it. Broken:
+    the file does not tell what a variable is (causality, variability, type, value reference, derivative, start value
+    and the like), or has none. A file that cannot be read at all never gets a card: the command ends with the reason.
 
     Args:
         description: as the workbench read it, leniently.
     """
-    problems = list(description.problems)
+    problems = [*description.problems]
+    if description.lost or not description.variables:
+        first = description.lost[0] if description.lost else "it declares no variables"
+        more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+        return Answer("broken", first + more, _LOST, {"problems": (problems or [first])[:100]})
     if not problems:
         text = f"FMI {description.fmi_version}: {len(description.variables)} variables, no rule violated"
         return Answer("good", text, numbers={"problems": []})
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
     notes = [n for n in description.notes if problems[0] not in n]  # it is the evidence already
-    read = "; ".join(notes) or "it is read nevertheless; nothing is lost"
+    read = "; ".join(notes) or "it is read nevertheless; no variable is lost"
     return Answer("watch", problems[0] + more, read, {"problems": problems[:100]})
