@@ -98,13 +98,13 @@ def test_simulate_keeps_what_half_the_step_changes(tmp_path: Path) -> None:
 
 def test_a_study_does_not_pass_by_less_than_the_step_changes(tmp_path: Path) -> None:
     fmu = build_lying(tmp_path, "euler")
-    run = wb.simulate(wb.load(fmu, interface="cs"), stop=1.0, inputs={"u": wb.Constant(1.0)})
+    run = wb.simulate(wb.load(fmu, interface="cs"), stop=1.0, inputs={"u": wb.Step(time=0.1, value=1.0)})
     final, change = float(run.signals["y"][-1]), float(run.step_change["y"][-1])
     assert change > 0.0
     (tmp_path / "s.toml").write_text(
         f"""
 models.m = {{model = "{fmu.name}", interface = "cs"}}
-analyses.a = {{command = "simulate", model = "m", stop = 1.0, input = "u=constant:1", output = ["y"]}}
+analyses.a = {{command = "simulate", model = "m", stop = 1.0, input = "u=step:time=0.1,value=1", output = ["y"]}}
 [[requirements]]
 name = "near"
 analysis = "a"

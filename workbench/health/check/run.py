@@ -162,7 +162,8 @@ def _card(
             )
 
         for line in _run(model, wanted, where, job):
-            lines.append(line)
+            lines[:] = [one for one in lines if (one.interface, one.name) != (line.interface, line.name)]
+            lines.append(line)  # what comes after the last check may tell more of it
             job.partial = lambda: joined(card())
             job.done(f"{part.component} {line.interface} {line.name}".strip(), len(lines), total)
         return card()
@@ -251,6 +252,10 @@ def _run(model: FmuModel, wanted: Mapping[str, tuple[str, ...]], where: Workers,
 def _lost(event: Lost, names: list[str], jobs: deque[CheckJob]) -> Iterator[HealthLine]:
     """Yield the line of the check in which a worker was lost; queue the others."""
     job: CheckJob = event.job
+    if not names:  # all checks were done: its library ends the process, or keeps it for ever, as it is unloaded
+        late = Answer("broken", f"after its last check: {event.reason}", _CRASH, finished=False)
+        yield _line(job.interface, CheckReply(job.names[-1], late, 0.0))
+        return
     lost = names.pop(0)
     yield _line(job.interface, CheckReply(lost, _loss(lost, event), 0.0))
     again = job.after_loss(lost)

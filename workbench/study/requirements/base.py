@@ -7,7 +7,7 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from pydantic import ConfigDict, Field
 
@@ -151,8 +151,8 @@ class Requirement(TomlTable):
     name: str = Field(min_length=1)
     analysis: str
     kind: str
-    configurations: list[str] | None = None
-    grid: dict[str, Scalar | list[Scalar]] = Field(default_factory=dict)
+    configurations: list[str] | None = Field(default=None, min_length=1)
+    grid: dict[str, Scalar | Annotated[list[Scalar], Field(min_length=1)]] = Field(default_factory=dict)
     comment: str = ""
     id: str = ""
 
