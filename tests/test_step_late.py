@@ -16,21 +16,21 @@ from workbench.health.check import step as checked
 from workbench.health.check.step import _late, _with_late
 from workbench.health.check.subject import Trajectory
 
-STEP, BEGINS = 0.1, 100.0  # [s]
+STEP, BEGINS = 0.2, 100.0  # [s]
 
 
 def _subject(experiment: float, *, shorten: float = 1.0, fails: bool = False) -> Any:  # noqa: ANN401
     """A lag of 1 s by Euler's method whose input rises at 100 s, beside a constant: a test run lasts 50 s."""
 
     def run(_signals: Mapping[str, Any], *, step: float = STEP, points: Floats | None = None) -> Trajectory:
-        time = STEP * np.arange(10.0, 501.0, 10.0) if points is None else points
+        time = STEP * np.arange(5.0, 251.0, 5.0) if points is None else points
         if fails and time[-1] > BEGINS:
             raise SimulationError("y is not a finite number")
         late = np.maximum(time - BEGINS, 0.0)
         return Trajectory(time, np.column_stack([np.ones_like(time), 1.0 - (1.0 - step) ** (late / step)]))
 
     return SimpleNamespace(
-        step=STEP, own_step=STEP, experiment=experiment, shorten=shorten, steps=500, span=50.0, start=0.0,
+        step=STEP, own_step=STEP, experiment=experiment, shorten=shorten, steps=250, span=50.0, start=0.0,
         names=("still", "y"), run=run, constants=dict,
         model=SimpleNamespace(way_out=lambda *words: ", or ".join(words)),
     )  # fmt: skip
@@ -38,7 +38,7 @@ def _subject(experiment: float, *, shorten: float = 1.0, fails: bool = False) ->
 
 def test_what_moves_late_is_seen_by_its_closed_form() -> None:
     late = _late(_subject(120.0))
-    t = STEP * np.unique(np.round(np.linspace(1.0, 1200.0, 200)))
+    t = STEP * np.unique(np.round(np.linspace(1.0, 600.0, 200)))
     after = np.maximum(t - BEGINS, 0.0)
     off = np.abs((1.0 - STEP) ** (after / STEP) - (1.0 - STEP / 2) ** (2.0 * after / STEP))
     assert late.change == pytest.approx(float(np.minimum(off[1:], off[:-1]).max()), rel=1e-3)
