@@ -76,17 +76,19 @@ LIES = {
     "leak": Lie("memory", "watch", evidence="6[0-9].* kB per session"),
     "large-leak": Lie("memory", "broken", evidence="kB per session"),
     "wrong-reference": Lie("references", "broken", _CS, r"response: [xvy] is .* % of its range off at t = .* s"),
+    "misspelt": Lie("validation", "broken", ("file",), "attribute 'causality': .*outputt"),
     "nameless": Lie("validation", "watch", ("file",), "'der.*' is not a structured name"),
 }
 
 # What is wrong in the description alone: the library is told to be honest.
-_DESCRIBED = ("undeclared", "nameless", "wrong-reference", "other-start")
+_DESCRIBED = ("undeclared", "nameless", "misspelt", "wrong-reference", "other-start")
 
 
 def description(name: str) -> str:
     """Return the model description of a lie, or of "honest" or "unstable"."""
     guid = "honest" if name in _DESCRIBED else name
     known = "1 2 5" if name == "undeclared" else "1 2 5 6"
+    role = "outputt" if name == "misspelt" else "output"
     kinds = " ".join(["dependent"] * len(known.split()))
     odd = "der(der(y))" if name == "nameless" else "f"
     flags = 'modelIdentifier="lying" canGetAndSetFMUstate="true" providesDirectionalDerivative="true"'
@@ -106,7 +108,7 @@ def description(name: str) -> str:
     <ScalarVariable name="der(v)" valueReference="3" causality="local"><Real derivative="2" /></ScalarVariable>
     <ScalarVariable name="u" valueReference="4" causality="input"><Real start="{start}" /></ScalarVariable>
     <ScalarVariable name="w" valueReference="5" causality="input"><Real start="0" /></ScalarVariable>
-    <ScalarVariable name="y" valueReference="6" causality="output"><Real /></ScalarVariable>
+    <ScalarVariable name="y" valueReference="6" causality="{role}"><Real /></ScalarVariable>
     <ScalarVariable name="{odd}" valueReference="7" causality="output"><Real /></ScalarVariable>
   </ModelVariables>
   <ModelStructure>

@@ -132,15 +132,35 @@ def test_no_report_overwrites_another(repository: Path) -> None:
 
 
 @posix_shell
-def test_nothing_to_do_is_no_failure(repository: Path) -> None:
-    done = step(SCRIPT, repository, {"FMUS": "", "STUDIES": "", "REPORTS": "reports"})
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+@pytest.mark.parametrize(("github", "head"), [("", ""), ("true", "::error::")])
+@pytest.mark.parametrize("nothing", ["", " \n "])
+def test_nothing_to_do_is_an_error(repository: Path, nothing: str, github: str, head: str) -> None:
+    given = {"FMUS": nothing, "STUDIES": nothing, "OPTIONS": "", "REPORTS": "reports", "GITHUB_ACTIONS": github}
+    done = step(SCRIPT, repository, given)
+    line = f"{head}neither FMUs nor studies are named: nothing was checked\n"
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", line)
+
+
+@posix_shell
+def test_options_reach_the_check_as_words_and_no_shell_reads_them(repository: Path) -> None:
+    called = 'workbench() { printf "<%s>" "$@"; }; '
+    given = {"FMUS": "a.fmu b.fmu", "STUDIES": "", "OPTIONS": "--skip memory $(touch x); y", "REPORTS": "r"}
+    done = step(called + SCRIPT, repository, given)
+    assert done.stdout.startswith("<check><a.fmu><b.fmu><--skip><memory><$(touch><x);><y><--junit>"), done.stderr
+    assert not (repository / "x").exists()
+
+
+def test_a_study_without_requirements_is_a_warning(github: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (github / "s.toml").write_text('analyses.a = {command = "lin", model = "fmu:FirstOrderLag"}\n', encoding="utf-8")
+    assert run(["run", str(github / "s.toml"), "--no-store"]) == 0
+    assert "::warning::s: nothing is required: there is no verdict" in capsys.readouterr().err
 
 
 def test_gitlab_runs_the_same_lines_and_finds_their_files() -> None:
     (script,) = GITLAB["script"]
     assert script == SCRIPT
-    assert set(re.findall(r"\$\{?([A-Z]+)", script)) == GITLAB["variables"].keys()
+    named = set(re.findall(r"\$\{?([A-Z_]+)", script)) - {"GITHUB_ACTIONS"}  # that is set by the one and not the other
+    assert named == GITLAB["variables"].keys()
     assert GITLAB["artifacts"]["paths"] == ["$REPORTS"]
     assert GITLAB["artifacts"]["reports"]["junit"] == "$REPORTS/*.xml"
 

@@ -23,6 +23,7 @@ from workbench.fmi import kept, reading
 from workbench.fmi.bundled import bundled_names, bundled_path
 from workbench.fmi.description import ModelDescription
 from workbench.fmi.reading import described_at, read_description
+from workbench.health.check.run import validation
 
 BUNDLED = [bundled_path(f"fmu:{name}{at}") for at in ("", "@3") for name in bundled_names()]
 
@@ -178,6 +179,45 @@ def test_bent_rules_of_variables_are_told_and_the_rest_is_read(read: Read, tmp_p
     assert len(found.variables) == len(read(xml).variables)
     (tmp_path / "modelDescription.xml").write_text(xml.replace(old, new), encoding="utf-8")
     assert fmpy_refuses(tmp_path), "FMPy finds no fault in it"
+
+
+@pytest.mark.parametrize(
+    ("document", "old", "new", "told"),
+    [
+        (TWO, 'causality="output"', 'causality="outputt"', "attribute 'causality'"),
+        (TWO, 'causality="output"', 'Causality="output"', "The attribute 'Causality' is not allowed"),
+        (TWO, 'variability="fixed"', 'variability="fix"', "attribute 'variability'"),
+        (TWO, ' start="0"', ' start="zero"', "attribute 'start'"),
+        (TWO, 'derivative="1"', 'derivative="9"', "is the derivative of one that is not there"),
+        (THREE, 'causality="input"', 'causality="inputt"', "attribute 'causality'"),
+        (THREE, '<Float64 name="time"', '<Float65 name="time"', "'Float65': This element is not expected"),
+        (ONE, 'variability="parameter"', 'variability="parameterr"', "attribute 'variability'"),
+    ],
+)
+def test_what_hides_what_a_variable_is_breaks_the_file(
+    read: Read, document: str, old: str, new: str, told: str
+) -> None:
+    assert document.count(old) == 1
+    found = read(document.replace(old, new))
+    assert any(told in problem for problem in found.lost), found.lost
+    answer = validation(found)
+    assert (answer.verdict, told in answer.evidence) == ("broken", True)
+    if any("violates" in note for note in found.notes):
+        assert "may be lost" in next(note for note in found.notes if "violates" in note) or "Real" in new
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [('min="-1"', 'min="low"'), ('nominal="5"', 'nominal="big"'), ("<Outputs>", '<Outputs note="x">')]
+)
+def test_what_a_variable_is_stays_known_where_other_attributes_are_wrong(read: Read, old: str, new: str) -> None:
+    found = read(TWO.replace(old, new))
+    assert (found.lost, len(found.problems) > 0, validation(found).verdict) == ((), True, "watch")
+
+
+def test_a_file_without_variables_is_broken(read: Read) -> None:
+    head, _, tail = TWO.partition("  <ModelVariables>")
+    empty = head + "<ModelVariables/><ModelStructure/></fmiModelDescription>" + tail[:0]
+    assert validation(read(empty)).verdict == "broken"
 
 
 @pytest.mark.parametrize(

@@ -260,7 +260,9 @@ def test_what_answers_a_jump_later_than_four_steps_is_not_judged(late: float, ve
 
 @pytest.mark.parametrize(("count", "others"), [(1, ""), (2, " (and 1 more)"), (5, " (and 4 more)")])
 def test_rules_that_are_bent_are_counted_behind_the_first(count: int, others: str) -> None:
-    description: Any = SimpleNamespace(problems=[f"rule {k}" for k in range(count)], notes=())
+    description: Any = SimpleNamespace(
+        problems=[f"rule {k}" for k in range(count)], notes=(), lost=(), variables=("y",)
+    )
     answer = validation(description)
     assert (answer.verdict, answer.evidence) == ("watch", f"rule 0{others}")
 

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 __all__ = ["summarise", "tell_error", "tell_github"]
 
+_NOTHING = "nothing is required: there is no verdict"
+
 _IN_A_MESSAGE = {"%": "%25", "\r": "%0D", "\n": "%0A"}
 _IN_A_PROPERTY = {**_IN_A_MESSAGE, ":": "%3A", ",": "%2C"}
 
@@ -57,6 +59,8 @@ def tell_github(record: Judged, page: Callable[[], Page], ended: BaseException |
         InputError: the summary cannot be written.
     """
     summarise(page)
+    if _on_github() and not record.cases() and ended is None:
+        sys.stderr.write(f"::warning::{_escaped(one_line(f'{record.suite}: {_NOTHING}'), _IN_A_MESSAGE)}\n")
     later = [m.message for m in ended.mistakes] if isinstance(ended, InputError) else []
     for case in record.cases() if _on_github() else ():
         if case.bad and not any(case.message.startswith(text) for text in later):

@@ -253,6 +253,7 @@ class Declared:
         structure: "Outputs", "Derivatives", "ClockedStates", "InitialUnknowns", "EventIndicators" → entries; FMI 3.0's
             elements are called so here, too.
         problems: where the file leaves the schema that the standard publishes.
+        lost: those of `problems` that hide what a variable is: its causality, type, value reference and the like.
     """
 
     root: Root = field(default_factory=Root)
@@ -264,6 +265,7 @@ class Declared:
     variables: list[DeclaredVariable] = field(default_factory=list)
     structure: dict[str, list[Unknown]] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
+    lost: list[str] = field(default_factory=list)
 
     @property
     def major(self) -> int:

@@ -8,7 +8,9 @@ The tree is never built: an element is forgotten when it is read.
 from __future__ import annotations
 
 import importlib.util
+import re
 from collections.abc import Callable, Iterable, Mapping
+from difflib import get_close_matches
 from functools import lru_cache
 from io import BytesIO
 from pathlib import Path
@@ -45,6 +47,20 @@ _SCHEMAS = {
     "2": "fmi2/fmi2ModelDescription.xsd",
     "3": "fmi3/fmi3ModelDescription.xsd",
 }
+# What a variable is; other attributes only say more of it.
+_TELLING = (
+    "name",
+    "valueReference",
+    "causality",
+    "variability",
+    "initial",
+    "derivative",
+    "previous",
+    "clocks",
+    "start",
+)
+_VIOLATION = re.compile(r"Element '(?P<tag>[^']*)'(?:, attribute '(?P<attribute>[^']*)')?: (?P<words>.*)", re.DOTALL)
+_MISSING = re.compile(r"The attribute '(?P<attribute>[^']*)' is required but missing")
 _INTEGERS = ("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
 _KINDS_2 = frozenset({"Real", "Integer", "Boolean", "String", "Enumeration"})  # of FMI 1.0 and 2.0
 _KINDS_3 = ("Float32", "Float64", *_INTEGERS, "Boolean", "String", "Binary", "Enumeration", "Clock")
@@ -71,7 +87,7 @@ def read_declared(data: bytes) -> Declared:
     _check_form(data)
     _read_root(data, result)
     if _read_elements(data, result):
-        result.problems += _problems(data, result.root.fmi_version)
+        result.problems, result.lost = _problems(data, result.root.fmi_version, result.problems)
     if result.major == 1:
         result.interfaces = result.interfaces or {"ModelExchange": Interface()}
         for interface in result.interfaces.values():
@@ -135,11 +151,31 @@ def _schema(major: str) -> etree.XMLSchema:
     return etree.XMLSchema(file=str(Path(folder) / "schema" / _SCHEMAS[major]))
 
 
-def _problems(data: bytes, version: str) -> list[str]:
-    """Return where the file leaves the schema, by line; only the tree as a whole has the lines."""
+def _problems(data: bytes, version: str, before: list[str]) -> tuple[list[str], list[str]]:
+    """Return where the file leaves the schema, by line, after what is known before, and what of it hides a variable.
+
+    Only the tree as a whole has the lines.
+    """
     schema = _schema(version[0])
     schema.validate(etree.parse(BytesIO(data), etree.XMLParser(resolve_entities=False, no_network=True)))
-    return [one_line(f"line {entry.line}: {entry.message}") for entry in schema.error_log]
+    found = {one_line(f"line {entry.line}: {entry.message}"): _hides(entry) for entry in schema.error_log}
+    return [*before, *found], [text for text, hides in found.items() if hides]
+
+
+def _hides(entry: etree._LogEntry) -> bool:
+    """Whether a violation hides what a variable is: an attribute that tells it, or an element of no known type."""
+    _, _, below = (entry.path or "").partition("/ModelVariables/")
+    said = _VIOLATION.match(entry.message)
+    if not below or said is None:
+        return False
+    missing = _MISSING.match(said["words"])
+    if said["attribute"] is None and missing is None:
+        return (
+            "/" not in below and said["tag"] not in _TAGS and said["words"].startswith("This element is not expected")
+        )
+    attribute = missing["attribute"] if missing else said["attribute"]
+    known = [name.lower() for name in _TELLING]
+    return bool(get_close_matches(attribute.lower(), known, 1, 0.85))  # a misspelt one is not read
 
 
 def _path(element: etree._Element) -> str:

@@ -171,6 +171,7 @@ class ModelDescription:
         log_categories: names of the FMU's log categories.
         notes: what the file bends, as far as somebody who uses the FMU wants to know.
         problems: every rule of FMI that the file bends.
+        lost: what hides what a variable is, so that an input, output, state or start value may be lost.
         units: of the FMU, by name.
         enumerations: type → item → value.
         scheduled: what it is able to do in scheduled execution (FMI 3.0); None: not offered.
@@ -201,6 +202,7 @@ class ModelDescription:
     log_categories: tuple[str, ...]
     notes: tuple[str, ...]
     problems: tuple[str, ...] = ()
+    lost: tuple[str, ...] = ()
     units: Mapping[str, UnitDefinition] = field(default_factory=dict)
     enumerations: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
     scheduled: Capabilities | None = None

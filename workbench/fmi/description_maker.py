@@ -59,8 +59,9 @@ def described(declared: Declared, *, resized: bool = False) -> ModelDescription:
         indicator_count=made.indicators() if declared.major == 3 else root.number_of_event_indicators,
         shapes=made.shapes(),
         log_categories=tuple(c.name for c in declared.categories if c.name),
-        notes=(*_violations(problems), *made.notes),
+        notes=(*_violations(problems, declared.lost), *made.notes),
         problems=(*problems, *less_kept_rules(declared, made.find)),
+        lost=(*declared.lost, *made.lost),
         units=_units(declared),
         enumerations={t.name: _items(t) for t in declared.types if t.name and t.items},
         scheduled=_claims(declared, "scheduled"),
@@ -74,11 +75,13 @@ def described(declared: Declared, *, resized: bool = False) -> ModelDescription:
     )
 
 
-def _violations(problems: list[str]) -> tuple[str, ...]:
+def _violations(problems: list[str], lost: list[str]) -> tuple[str, ...]:
     if not problems:
         return ()
+    first = lost[0] if lost else problems[0]
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    return (f"modelDescription.xml violates the FMI standard: {problems[0]}{more}",)
+    what = "; an input, output, state or start value may be lost by it" if lost else ""
+    return (f"modelDescription.xml violates the FMI standard: {first}{more}{what}",)
 
 
 # -- what is not about variables ---------------------------------------------------------------
@@ -170,6 +173,7 @@ class _Variables:
 
     Attributes:
         notes: what of them could not be taken as it stands.
+        lost: those of `notes` that leave out a variable or a state.
     """
 
     def __init__(self, declared: Declared, *, resized: bool) -> None:
@@ -182,19 +186,24 @@ class _Variables:
         self._by_reference = {v.value_reference: v for v in declared.variables} if self._major == 3 else {}
         self._extents = {id(v): self._shape(v) for v in declared.variables if v.dimensions}
         self.notes: list[str] = []
+        self.lost: list[str] = []
         self._name_apart()
         self._same = self._joined()
         self._set_negated_apart()
         self._depends = self._dependencies()
         for v in declared.variables:
             if not v.kind:
-                self.notes.append(f"variable {v.name} (line {v.line}) has no type, and is left out")
+                self._lose(f"variable {v.name} (line {v.line}) has no type, and is left out")
             if v.derivative is not None and self._knows(v.derivative) and self.find(v.derivative) is v:
-                self.notes.append(f"variable {v.name} (line {v.line}) is said to be the derivative of itself")
+                self._lose(f"variable {v.name} (line {v.line}) is said to be the derivative of itself")
                 v.derivative = None
             if v.derivative is not None and not self._knows(v.derivative):
-                self.notes.append(f"variable {v.name} (line {v.line}) is the derivative of one that is not there")
+                self._lose(f"variable {v.name} (line {v.line}) is the derivative of one that is not there")
                 v.derivative = None
+
+    def _lose(self, note: str) -> None:
+        self.notes.append(note)
+        self.lost.append(note)
 
     def _name_apart(self) -> None:
         """Give a name of its own to each variable that has none, or another one's."""

@@ -59,10 +59,17 @@ def with_rows_between(request: Simulate, model: object, record: SimulationResult
         except WorkbenchError as error:
             return found, f"what lies between the rows is not known: {error}"
         looked_at = _bent(found, finer)
-        found = replace(finer, notes=record.notes)
+        found = replace(finer, notes=record.notes, step_change=_at_rows(record, finer.time))
         if not looked_at.any():
             return found, ""
     return found, f"the signals are not straight between {len(kept)} rows"
+
+
+def _at_rows(record: SimulationResult, time: Floats) -> dict[str, Floats]:
+    """Return what the communication step changes at other times: the larger change of the rows on both sides."""
+    left = np.clip(np.searchsorted(record.time, time, side="left"), 0, len(record.time) - 1)
+    right = np.clip(np.searchsorted(record.time, time, side="right") - 1, 0, len(record.time) - 1)
+    return {name: np.maximum(change[left], change[right]) for name, change in record.step_change.items()}
 
 
 def _own(record: SimulationResult) -> Floats:

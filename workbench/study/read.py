@@ -457,6 +457,7 @@ def _requirement(
     """Yield a requirement, unless it is about an analysis with which something is wrong."""
     where = _where(number, data)
     mistakes, every = Mistakes(), [*analyses, *unread]
+    _check_judged(where, data)
     with mistakes.kept():
         requirement = read_requirement(data, where)
     if isinstance(data, Mapping) and isinstance(name := data.get("analysis"), str):
@@ -473,6 +474,19 @@ def _requirement(
     if not set(requirement.analyses) & set(unread):
         requirement.check(where, [analyses[name].command.name for name in requirement.analyses])
         yield requirement
+
+
+def _check_judged(where: str, data: object) -> None:
+    """Refuse a requirement that would be judged at no point."""
+    given = data if isinstance(data, Mapping) else {}
+    values = given.get("grid")
+    lists = {"configurations": given.get("configurations")}
+    lists |= {f"grid: {name}": value for name, value in values.items()} if isinstance(values, Mapping) else {}
+    for name, value in lists.items():
+        if value == []:
+            raise InputError(
+                f"{where}: {name}: is empty, so that it would be judged nowhere; leave it out for everywhere"
+            )
 
 
 def _check_grid(where: str, requirement: Requirement, grid: Mapping[str, tuple[Scalar, ...]]) -> None:

@@ -92,8 +92,7 @@ class StudyRun:
             update_baselines: write the baselines that are missing or not met.
 
         Raises:
-            InputError: an analysis asks for what cannot be done at any point, a requirement for what its result cannot
-                hold; what was measured is in the store.
+            InputError: an analysis asks for what cannot be done at any point; what was measured is in the store.
         """
         job = job or Job()
         with job.ended_by(), Finished(self._store, fresh=self._fresh) as finished, in_file(self.study.path):
@@ -236,11 +235,14 @@ def _answer(question: RequirementResult, outcomes: Mapping[PlannedRun, RunResult
         question: one of `_questions`.
         outcomes: what was run.
 
-    Raises:
-        InputError: the requirement asks for what cannot be in such a result.
+    A requirement that asks for what cannot be in such a result is not met, with the reason: the others keep theirs.
     """
     found = [outcomes.get(run) for run in question.runs]
-    finding = finding_of(question.requirement, found, question.baseline)
+    try:
+        finding = finding_of(question.requirement, found, question.baseline)
+    except InputError as error:
+        head = f'[[requirements]] "{question.requirement.name}": '
+        finding = _none(question.requirement, str(error).removeprefix(head))
     if question.baseline is not None and not finding.passed:
         reasons = [finding.reason, made_otherwise(question.baseline, question.runs[0])]
         finding = replace(finding, reason="; ".join(filter(None, reasons)))

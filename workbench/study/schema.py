@@ -16,6 +16,8 @@ from workbench.study.commands import COMMANDS, Command, command
 from workbench.study.envelope_table import EnvelopeTable
 from workbench.study.read import ApprovalTable, ChangeTable, ModelTable, StudyTable
 from workbench.study.requirements import KINDS
+from workbench.study.requirements.agreement import Agreement
+from workbench.study.requirements.base import Limited, Requirement
 from workbench.study.spread import SpreadTable
 from workbench.system.files.toml_file import system_schema
 from workbench.system.files.toml_schema import json_schema, meaning
@@ -107,7 +109,19 @@ def _envelope() -> dict[str, Any]:
 def _requirement(kind: str) -> dict[str, Any]:
     result = json_schema(KINDS[kind])
     result["properties"]["kind"] = {"const": kind}
-    return {**result, "title": kind}
+    return {**result, **_limits(KINDS[kind]), "title": kind}
+
+
+def _limits(kind: type[Requirement]) -> dict[str, Any]:
+    """Return what makes a requirement without a limit wrong, and an equal number without a tolerance."""
+    given = [{"required": [name]} for name in ("min", "max", "equal")]
+    bars = [{"required": [name]} for name in ("tolerance", "relative")]
+    if issubclass(kind, Agreement):
+        return {"oneOf": bars}
+    if not issubclass(kind, Limited):
+        return {}
+    number = {"properties": {"equal": {"type": "number"}}, "required": ["equal"]}
+    return {"anyOf": given, "if": number, "then": {"anyOf": bars}}
 
 
 def _analysis(name: str) -> dict[str, Any]:

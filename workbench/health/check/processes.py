@@ -88,7 +88,7 @@ def _in_a_new_process(subject: CheckedFmu, interface: str, where: Workers, job: 
     fails = "analyses that need this fail in the same way"
     with Pool(subject.model.recipe, jobs=1, limits=where.limits, fresh=True) as pool, job.ended_by(pool.stop):
         try:
-            (event,) = list(pool.run(perform, runs))
+            event = list(pool.run(perform, runs))[-1]  # the process may be lost after its reply
         except WorkbenchError as error:
             return Answer("watch", f"it fails: {error}", fails)
     if isinstance(event, Lost):

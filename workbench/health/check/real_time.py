@@ -51,8 +51,8 @@ def real_time(subject: CheckedFmu) -> Answer:
         "real_time_factor": subject.step / mean, "late": float((seconds > subject.step).mean()),
     }  # fmt: skip
     text = (
-        f"{subject.step / mean:.3g} times real time at {subject.step:.4g} s: a step takes {_time(median)}, "
-        f"99.9 % of {len(seconds)} at most {_time(rare)}, the slowest {_time(worst)}"
+        f"{subject.step / mean:.3g} times real time at {subject.step:.4g} s: a step takes {_time(mean)} on average, "
+        f"{_time(median)} in the middle, 99.9 % of {len(seconds)} at most {_time(rare)}, the slowest {_time(worst)}"
     )
     if mean > subject.step:
         return Answer("watch", text, "slower than real time at this step: not for hardware in the loop", numbers)

@@ -37,6 +37,7 @@ _V = TypeVar("_V")
 _HANG = "such points are lost after `timeout`; simulate also shows chattering or a solver in trouble"
 _SLOW = "not checked, so that the card is not passed: give it longer (`timeout`), or leave {name} out (`skip`)"
 _UNKNOWN = Answer("not applicable", "another check lost the process that it ran in", finished=False)
+_LOST = "an input, output, state or start value may be lost, and no check sees it: mend modelDescription.xml"
 _CRASH = "it ends its process: keep the worker processes (never `in_process`); such points are lost"
 
 
@@ -161,7 +162,8 @@ def _card(
             )
 
         for line in _run(model, wanted, where, job):
-            lines.append(line)
+            lines[:] = [one for one in lines if (one.interface, one.name) != (line.interface, line.name)]
+            lines.append(line)  # what comes after the last check may tell more of it
             job.partial = lambda: joined(card())
             job.done(f"{part.component} {line.interface} {line.name}".strip(), len(lines), total)
         return card()
@@ -250,6 +252,10 @@ def _run(model: FmuModel, wanted: Mapping[str, tuple[str, ...]], where: Workers,
 def _lost(event: Lost, names: list[str], jobs: deque[CheckJob]) -> Iterator[HealthLine]:
     """Yield the line of the check in which a worker was lost; queue the others."""
     job: CheckJob = event.job
+    if not names:  # all checks were done: its library ends the process, or keeps it for ever, as it is unloaded
+        late = Answer("broken", f"after its last check: {event.reason}", _CRASH, finished=False)
+        yield _line(job.interface, CheckReply(job.names[-1], late, 0.0))
+        return
     lost = names.pop(0)
     yield _line(job.interface, CheckReply(lost, _loss(lost, event), 0.0))
     again = job.after_loss(lost)
@@ -298,17 +304,22 @@ def _joined(paths: Sequence[str], before: tuple[HealthCard, ...], last: HealthCa
 def validation(description: ModelDescription) -> Answer:
     """Compare modelDescription.xml with the standard: schema, names, start values, causalities, units, model structure.
 
-    Watch: rules are bent; the workbench reads the file nevertheless, and `consequence` says what it made of it. A file
-    that cannot be read at all never gets a card: the command ends with the reason.
+    Watch: rules are bent; the workbench reads the file nevertheless, and `consequence` says what it made of it. Broken:
+    the file does not tell what a variable is (causality, variability, type, value reference, derivative, start value
+    and the like), or has none. A file that cannot be read at all never gets a card: the command ends with the reason.
 
     Args:
         description: as the workbench read it, leniently.
     """
-    problems = list(description.problems)
+    problems = [*description.problems]
+    if description.lost or not description.variables:
+        first = description.lost[0] if description.lost else "it declares no variables"
+        more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+        return Answer("broken", first + more, _LOST, {"problems": (problems or [first])[:100]})
     if not problems:
         text = f"FMI {description.fmi_version}: {len(description.variables)} variables, no rule violated"
         return Answer("good", text, numbers={"problems": []})
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
     notes = [n for n in description.notes if problems[0] not in n]  # it is the evidence already
-    read = "; ".join(notes) or "it is read nevertheless; nothing is lost"
+    read = "; ".join(notes) or "it is read nevertheless; no variable is lost"
     return Answer("watch", problems[0] + more, read, {"problems": problems[:100]})

@@ -18,7 +18,7 @@ def runs(subject: CheckedFmu) -> Answer:
     The swing is 5 % of the input's size (the larger of start value and nominal value) within its minimum and
     maximum, at least three periods. Broken: an error status, a value that is not a finite number, and (told by the
     worker) a crash or a hang. Watch: it runs, but only with its inputs at their start values, or the FMU ends the run,
-    which FMI allows it.
+    which FMI allows it, or it has no variable to look at.
     """
     try:
         result = subject.run(subject.sines())
@@ -27,7 +27,10 @@ def runs(subject: CheckedFmu) -> Answer:
     moved = int((result.scale > 0.0).sum())
     text = f"{subject.span:.4g} s in {subject.steps} steps, {moved} of {len(subject.names)} variables move"
     text = "; ".join([text, *subject.model.remarks()])
-    return Answer("good", text, numbers={"span": subject.span, "steps": subject.steps, "moving": moved})
+    numbers = {"span": subject.span, "steps": subject.steps, "moving": moved}
+    if not subject.names:
+        return Answer("watch", text, "no outputs, states or local numbers: the checks have nothing to compare", numbers)
+    return Answer("good", text, numbers=numbers)
 
 
 def _still(subject: CheckedFmu, failure: Exception) -> Answer:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -11,7 +12,7 @@ import numpy as np
 
 from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
-from workbench.health.check.compare import usual_gap
+from workbench.health.check.compare import relative_gaps, usual_gap
 from workbench.health.check.result import Answer
 from workbench.health.check.subject import CheckedFmu, Trajectory
 from workbench.health.check.swing import swing_of
@@ -33,6 +34,9 @@ _NO_ORDER = 0.5
 _DIVERGES = 10.0  # times larger than with a shorter step
 _SETTLED = 2.0
 _FINEST_WHOLE = 5  # halvings of the whole test run
+
+_AFFORDABLE = 10.0  # [s] of this computer that the default experiment may take at the natural step
+_LOOKED = 200  # points of it
 
 
 @dataclass(frozen=True)
@@ -68,37 +72,42 @@ def step(subject: CheckedFmu) -> Answer:
     inputs that swing as fast as the model follows them (see `swing_of`): where an FMU makes short steps of its own
     inside, only these show a communication step that is too long. At last, over the whole test run (at most 500
     natural steps), the largest excursion is compared with that of shorter steps until two of these agree within a
-    factor of 2.
+    factor of 2. A default experiment that is longer than a test run is made, too, where it takes less than 10 s at the
+    natural step, inputs at rest: only there is seen what moves late.
 
     Broken: the excursion at the natural step is 10 times that of a short one, or it fails where a short one does not:
     the FMU diverges where the model does not. A model that is itself unstable passes, since it flies away with all
     steps. Watch: first order with an error above 1e-4, any order with one above 1 %, or no convergence; at a step that
-    the user or the FMU names, also more than 1 % of the fastest output's range with swinging inputs. Not applicable:
-    nothing moves, so that the effect of the step is unknown. Good: else.
+    the user or the FMU names, also more than 1 % of the fastest output's range with swinging inputs, or more than 1 %
+    of an output's range that half the step changes in the whole experiment. Not applicable: nothing moves, so that the
+    effect of the step is unknown. Good: else.
 
     Source: Richardson, The approximate arithmetical solution by finite differences, Phil. Trans. A 210 (1911).
     """
     near = _converge(subject, subject.constants(), min(_COARSE, subject.steps))
     far, reached = _excursion(subject)
     swing = swing_of(subject)
-    if isinstance(swing, str) and not near.moves:
-        return Answer("not applicable", _still(subject))
+    late = _late(subject)
+    if isinstance(swing, str) and not near.moves and not late.moves:
+        return Answer("not applicable", "; ".join(filter(None, [_still(subject), late.words])))
     swung = None if isinstance(swing, str) else _converge(swing.subject, swing.signals, swing.steps)
     numbers = {
         "step": subject.step, "own_step": subject.own_step is not None, "steps": near.steps,
         "changes": _plain(near.changes), "orders": _plain(near.orders), "order": _number(near.order),
         "error": _number(near.error), "excursion": _number(far), "excursion_step": reached,
         "diverges": far >= _DIVERGES, "swing_frequency": None if isinstance(swing, str) else swing.frequency,
-        "swing_error": None if swung is None else _number(swung.error),
+        "swing_error": None if swung is None else _number(swung.error), "late_change": _number(late.change),
     }  # fmt: skip
     verdict, evidence, consequence = _verdict(subject, near, far, reached)
+    verdict, consequence = _with_late(subject, late, verdict, consequence)
     if verdict == "broken":
         return Answer(verdict, evidence, consequence, numbers)
     at = f"at {_whose(subject)} {subject.step:.4g} s"
+    seen = f"; {late.words}" if late.words else ""
     if isinstance(swing, str) or swung is None:
         unknown = f"; with moving inputs not known: {swing}" if subject.inputs else ""
-        return Answer(verdict, f"{evidence} {at}{unknown}", consequence, numbers)
-    evidence = f"{_share(swung)} {at} with {swing.words}; after a jump of the inputs {evidence}"
+        return Answer(verdict, f"{evidence} {at}{unknown}{seen}", consequence, numbers)
+    evidence = f"{_share(swung)} {at} with {swing.words}; after a jump of the inputs {evidence}{seen}"
     if swung.error <= _FINE or subject.own_step is None:
         return Answer(verdict, evidence, consequence, numbers)
     return Answer("watch", evidence, consequence or _advice(subject, swung, subject.step), numbers)
@@ -152,6 +161,50 @@ def _advice(subject: CheckedFmu, near: _Convergence, reached: float) -> str:
     else:
         shorter = "use a shorter `step`, and compare"
     return f"{subject.model.way_out(shorter)}; nfr and simulate halve the step and tell"
+
+
+# -- late: the default experiment as a whole ------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Late:
+    """What half the step changes in the whole default experiment, relative to the range; NaN: it was not run."""
+
+    words: str = ""
+    change: float = math.nan
+    moves: bool = False
+
+
+def _late(subject: CheckedFmu) -> _Late:
+    """Compare the default experiment at the natural step and at half of it, inputs at rest, where it is longer."""
+    h, span = subject.step, subject.experiment
+    count = math.floor(span / h * (1.0 + 1e-9))
+    if count <= subject.steps:
+        return _Late()
+    only = f"only {subject.span:.3g} s of {span:.4g} s were seen"
+    if subject.shorten < 1.0:
+        return _Late(only)
+    begin = time.perf_counter()
+    _reach(subject, h)
+    seconds = (time.perf_counter() - begin) * count / subject.steps
+    if seconds > _AFFORDABLE:
+        return _Late(f"{only}: all of it would take {seconds:.2g} s")
+    points = subject.start + h * np.unique(np.round(np.linspace(1.0, count, min(count, _LOOKED))))
+    coarse, fine = (_try(subject, {}, points, step) for step in (h, 0.5 * h))
+    if fine is None or coarse is None:
+        return _Late(f"{only}: the run fails later on", math.nan if fine is None else math.inf)
+    gaps = relative_gaps(coarse, fine)
+    changes = np.minimum(gaps[1:], gaps[:-1]).max(axis=0, initial=0.0)  # alone is a point beside a jump
+    change, moves = float(changes.max(initial=0.0)), bool((fine.scale > 0.0).any())
+    name = subject.names[int(np.argmax(changes))] if len(changes) else "nothing"
+    return _Late(f"over {span:.4g} s half of it changes {name} by {100.0 * change:.2g} % of its range", change, moves)
+
+
+def _with_late(subject: CheckedFmu, late: _Late, verdict: str, consequence: str) -> tuple[str, str]:
+    """Return the verdict and its consequence with what the whole experiment adds to them."""
+    if verdict != "good" or not late.change > _FINE or subject.own_step is None:
+        return verdict, consequence
+    return "watch", subject.model.way_out("use a shorter `step`; simulate halves it, too, and tells")
 
 
 # -- near: order and error ----------------------------------------------------------------------

@@ -107,6 +107,11 @@ class CheckedFmu:
         return max(4, round(self.shorten * whole))
 
     @property
+    def experiment(self) -> float:
+        """Length of the default experiment, or of what stands for it [s]; test runs may be shorter."""
+        return self._whole
+
+    @property
     def span(self) -> float:
         """Length of a test run [s]."""
         return self.steps * self.step

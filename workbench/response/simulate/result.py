@@ -27,6 +27,8 @@ class SimulationResult(Result):
         ended_at: when the run was cut short [s], by the FMU itself or by a failure; None: it came to its end.
         failed: why it failed; None: it did not. An FMU that ends its own run has not failed.
         operating_point: where the run begins.
+        step_change: name → by how much it changes with half the communication step, shape (n,) [its unit]; empty: the
+            run was not repeated. The error of a method of first order is twice that.
     """
 
     _page = "workbench.response.simulate.page:simulate_page"
@@ -42,6 +44,7 @@ class SimulationResult(Result):
     ended_at: float | None = None
     failed: str | None = None
     operating_point: OperatingPoint | None = None
+    step_change: dict[str, Floats] = field(default_factory=dict)
 
     _WHAT, _COMMAND = "a simulation", "simulate"
 

@@ -77,9 +77,11 @@ def run(model: Model, request: Simulate, job: Job) -> SimulationResult:
         if why is error:
             raise
         raise why from error
-    if result.step is not None and request.verify_step:
-        notes += running.doubts(result)
-    return running.result(result, notes)
+    if result.step is None or not request.verify_step:
+        return running.result(result, notes)
+    doubts, finer = running.doubts(result)
+    whole = running.result(result, (*notes, *doubts))
+    return whole if finer is None else replace(whole, step_change=_changes(whole, finer))
 
 
 def _left_out(model: Model, inputs: Mapping[str, Signal]) -> Iterator[str]:
@@ -257,8 +259,8 @@ class _Run:
             operating_point=self.begins[0],
         )
 
-    def doubts(self, result: _Once) -> tuple[str, ...]:
-        """Repeat with half the communication step; return a note if the answer changes."""
+    def doubts(self, result: _Once) -> tuple[tuple[str, ...], Recorded | None]:
+        """Repeat with half the communication step; return a note if the answer changes, and what that run gave."""
         step = result.step or 0.0
         advice = self.model.way_out(f"use a step below {step:.3g} s")
         try:
@@ -266,15 +268,31 @@ class _Run:
         except SimulationError as error:
             if self.model.grid is not None:  # it may refuse every other step
                 advice = f"what the step of {step:.3g} s makes of the answer is not known"
-            return (f"with half the communication step the run fails ({error}); {advice}",)
+            return (f"with half the communication step the run fails ({error}); {advice}",), None
         except InputError:  # a constant step that cannot be halved
-            return ()
+            return (), None
         except FmuError as error:
-            return (f"the FMU cannot be run again with half the communication step: {error}",)
+            return (f"the FMU cannot be run again with half the communication step: {error}",), None
         change, name = _largest_change(result.record, finer.record)
         if change <= WORRYING_CHANGE:
-            return ()
-        return (f"{name} changes by {100.0 * change:.3g} % with half the communication step; {advice}",)
+            return (), finer.record
+        note = f"{name} changes by {100.0 * change:.3g} % with half the communication step; {advice}"
+        return (note,), finer.record
+
+
+def _changes(result: SimulationResult, fine: Recorded) -> dict[str, Floats]:
+    """Return how far each recorded variable is from the run with half the step at each row, 0 where one has no value.
+
+    At an event the nearer limit counts: which one a row holds is no matter of the step.
+    """
+    left = np.searchsorted(fine.time, result.time, side="left")
+    right = np.searchsorted(fine.time, result.time, side="right") - 1
+    sides = [np.clip(k, 0, len(fine.time) - 1) for k in (left, right)]
+    changes = {}
+    for name, other in fine.values.items():
+        both = [np.abs(result.signals[name] - other[k]) for k in sides]
+        changes[name] = np.nan_to_num(np.minimum(*both), nan=0.0, posinf=0.0)
+    return changes
 
 
 def _largest_change(coarse: Recorded, fine: Recorded) -> tuple[float, str]:

@@ -13,7 +13,7 @@ from workbench.study.position_in_file import place
 from workbench.study.requirements.base import Compliance, NotMeasured, Requirement, Result, judge, worst
 from workbench.study.requirements.curves import Curve, curves
 from workbench.study.requirements.response import OfResponse, Positive
-from workbench.study.requirements.value import check_path, numbers_at
+from workbench.study.requirements.value import STEP_REMEDY, check_path, errors_at, numbers_at
 
 __all__ = ["Agreement", "ResponseAgreement"]
 
@@ -66,7 +66,14 @@ class Agreement(_ResultPair):
         theirs = numbers_at(results[1], self.with_path or self.path, self.name)
         if len(mine) != len(theirs):
             raise NotMeasured(f"{len(mine)} numbers at {self.path}, but {len(theirs)} to compare them with")
-        return worst([self._pair(where, a, b) for (where, a), (_, b) in zip(mine, theirs, strict=True)])
+        found = [self._pair(where, a, b) for (where, a), (_, b) in zip(mine, theirs, strict=True)]
+        errors = [
+            errors_at(r, p, len(found)) for r, p in zip(results, (self.path, self.with_path or self.path), strict=False)
+        ]
+        for one, error in zip(found, map(sum, zip(*errors, strict=True)), strict=True):
+            if one.passed and one.margin is not None and error > one.margin:
+                raise NotMeasured(f"{one.where}: {one.value_words} apart, known to ± {error:.2g} only, {STEP_REMEDY}")
+        return worst(found)
 
     def _pair(self, where: str, mine: float, theirs: float) -> Compliance:
         limit = self.tolerance if self.relative is None else self.relative * abs(theirs)

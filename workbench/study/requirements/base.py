@@ -7,7 +7,7 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from pydantic import ConfigDict, Field
 
@@ -41,11 +41,15 @@ class Value:
         value: the number; a truth or a word where the requirement asks for equality; inf where there is no bound.
         where: at which frequency, amplitude, time; empty: there is only one.
         unit: None: it has none.
+        error: how far off it may be, as far as the result tells; a limit within it is not met.
+        remedy: what makes the error smaller.
     """
 
     value: float | bool | str
     where: str = ""
     unit: str | None = None
+    error: float = 0.0
+    remedy: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,8 +151,8 @@ class Requirement(TomlTable):
     name: str = Field(min_length=1)
     analysis: str
     kind: str
-    configurations: list[str] | None = None
-    grid: dict[str, Scalar | list[Scalar]] = Field(default_factory=dict)
+    configurations: list[str] | None = Field(default=None, min_length=1)
+    grid: dict[str, Scalar | Annotated[list[Scalar], Field(min_length=1)]] = Field(default_factory=dict)
     comment: str = ""
     id: str = ""
 
@@ -259,10 +263,33 @@ class Limited(Requirement):
         """
 
     def find(self, results: Sequence[Result]) -> Compliance:
-        result = [self._judged(value) for value in self.values(results[0])]
+        values = self.values(results[0])
+        result = [self._judged(value) for value in values]
         if not result:
             raise NotMeasured("there is no such value in the result")
-        return worst(result)
+        found = worst(result)
+        if found.passed:
+            for one, value in zip(result, values, strict=True):
+                self._check_known(one, value)
+        return found
+
+    def _check_known(self, found: Compliance, value: Value) -> None:
+        """Raise where a value meets its limit by less than its error.
+
+        Raises:
+            NotMeasured: with the value, its error, and what makes that smaller.
+        """
+        error = value.error
+        if found.margin is None or not isinstance(value.value, int | float):
+            return
+        if self.unit is not None and 0.0 < error < math.inf:
+            ends = [convert(v, value.unit, self.unit, self.name) for v in (value.value + error, value.value)]
+            error = abs(ends[0] - ends[1])
+        if error > found.margin:
+            raise NotMeasured(
+                f"{found.value_words} is known to ± {error:.2g} only, {value.remedy.partition(': ')[0]}, and the limit "
+                f"is {found.limit_words}: {value.remedy.partition(': ')[2]}"
+            )
 
     def _judged(self, value: Value) -> Compliance:
         number, unit = value.value, value.unit

@@ -30,8 +30,8 @@ class Baseline(Requirement):
 
     Compared are the signals of `simulate`, complex responses of `nfr`, `bla`, `lin`, `identify` and `loop`, margins of
     `loop`, variables of `trim`, frequencies and amplitudes of `limit-cycle`; of other commands the numbers at `path`.
-    Measured responses are compared at frequencies that both records have; linear models are evaluated at those of
-    the baseline. Time histories are compared at all times of either one, between the rows of the other by a
+    Measured responses are compared at the frequencies of the baseline, each of which must be measured; linear models
+    are evaluated there. Time histories are compared at all times of either one, between the rows of the other by a
     straight line and its error.
 
     Attributes:

@@ -48,7 +48,6 @@ class Deviation:
         at: shape (n,), places at which they were compared.
         off: shape (n,), size of the difference there [unit].
         bar: shape (n,), what is allowed there [unit].
-        left: number of the baseline's places at which there is nothing to compare with.
     """
 
     mine: Comparable
@@ -56,7 +55,6 @@ class Deviation:
     at: Floats
     off: Floats
     bar: Floats
-    left: int = 0
 
     @property
     def ratio(self) -> Floats:
@@ -76,14 +74,13 @@ class Deviation:
         k = self.worst
         at = f" at {self.at[k]:.6g} {self.theirs.along}" if self.theirs.along else ""
         unit = behind(self.theirs.unit)
-        left = f"; {self.left} of {len(self.theirs.at)} places of the baseline were not measured" if self.left else ""
-        return f"{self.theirs.name}{at}: off by {self.off[k]:.3g}{unit}, error bar {self.bar[k]:.2g}{unit}{left}"
+        return f"{self.theirs.name}{at}: off by {self.off[k]:.3g}{unit}, error bar {self.bar[k]:.2g}{unit}"
 
 
 def deviation(mine: Comparable, theirs: Comparable, allowed: Leeway) -> Deviation:
     """Return how far a curve is from that of the baseline.
 
-    Single numbers are compared as such, responses at the frequencies that both have. Time histories are compared at
+    Single numbers are compared as such, responses at the frequencies of the baseline. Time histories are compared at
     the times of either one; between its rows the other one is a straight line, whose error by the curvature of the
     neighbouring rows is allowed, too. At an event its left and right limit count.
 
@@ -93,8 +90,8 @@ def deviation(mine: Comparable, theirs: Comparable, allowed: Leeway) -> Deviatio
         allowed: besides the errors that both state.
 
     Raises:
-        NotMeasured: other units, a point that failed, a history that ends before the baseline, no place in common, an
-            error that is not stated without a tolerance.
+        NotMeasured: other units, a point that failed, a history that ends before the baseline, a place of the baseline
+            that was not measured, an error that is not stated without a tolerance.
     """
     if mine.unit != theirs.unit:
         raise NotMeasured(
@@ -116,12 +113,17 @@ def _points(mine: Comparable, theirs: Comparable, allowed: Leeway) -> Deviation:
         raise NotMeasured(
             f"{mine.name}{_place(mine, lost[0])} has a value in the baseline, but none now{_why(mine, lost[0])}"
         )
+    left = theirs.at[np.setdiff1d(np.flatnonzero(~np.isnan(theirs.value)), j)]
+    if len(left) and len(j) and theirs.along:
+        raise NotMeasured(
+            f"{theirs.name}: {len(left)} of {len(theirs.at)} places of the baseline were not measured, the first at "
+            f"{left[0]:.6g} {theirs.along}"
+        )
     a, b = mine.value[i], theirs.value[j]
     with np.errstate(invalid="ignore"):
         off = np.where(a == b, 0.0, np.abs(a - b))
     bar = _errors(mine, i, allowed) + _errors(theirs, j, allowed) + _given(np.abs(b), allowed)
-    left = np.count_nonzero(~np.isnan(theirs.value)) - len(j)
-    return Deviation(mine=mine, theirs=theirs, at=theirs.at[j], off=off, bar=bar, left=int(left))
+    return Deviation(mine=mine, theirs=theirs, at=theirs.at[j], off=off, bar=bar)
 
 
 def _given(size: Floats, allowed: Leeway) -> Floats:

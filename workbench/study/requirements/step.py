@@ -11,10 +11,12 @@ from typing import Annotated, ClassVar, NamedTuple
 from pydantic import Field
 
 from workbench.errors import InputError, suggest
-from workbench.study.requirements.base import Compliance, Limited, NotMeasured, Result, Value, convert
+from workbench.study.requirements.base import Limited, NotMeasured, Result, Value
+from workbench.study.requirements.value import STEP_ERROR, STEP_REMEDY
 
 __all__ = ["FinalValue", "Overshoot", "PeakRequirement", "RiseTime", "SettlingTime"]
 
+_ROWS = "which lies between the rows: record more rows, by a smaller step"
 _TOLD = 5e-6  # of a number that is shown with five digits: a smaller error is not seen
 _REST = 0.1  # the last tenth of the record tells whether the signal rests
 
@@ -22,24 +24,35 @@ _Fraction = Annotated[float, Field(gt=0.0, lt=1.0)]
 
 
 class _History(NamedTuple):
-    """Times [s] after the step, values, unit, and how far the signal is from the straight line behind each row."""
+    """Times [s] after the step, values, unit, how far the signal is from the straight line behind each row, and off it.
+
+    `step` is how far off each value may be by the communication step; empty: it is not known.
+    """
 
     time: Sequence[float]
     values: Sequence[float]
     unit: str | None
     behind: Sequence[float]
+    step: Sequence[float] = ()
+
+    @property
+    def off(self) -> Sequence[float]:
+        """How far off each value may be."""
+        return self.step or [0.0] * len(self.time)
 
     @property
     def bend(self) -> list[float]:
-        """How far the signal is from the straight lines on both sides of each row."""
-        return [max(before, behind) for before, behind in zip([0.0, *self.behind[:-1]], self.behind, strict=True)]
+        """How far the signal may be from the straight lines on both sides of each row."""
+        both = zip([0.0, *self.behind[:-1]], self.behind, self.off, strict=True)
+        return [max(before, behind) + off for before, behind, off in both]
 
 
 class _OfHistory(Limited):
     """A number of a signal of `workbench simulate`.
 
-    Between two rows the signal is a parabola, as far as is known, or what the record says; what that adds to the number
-    is its error, and a limit within it is neither kept nor violated.
+    Between two rows the signal is a parabola, as far as is known, or what the record says; at the rows twice of what
+    half the communication step changes is the error (of a method of first order). What both add to the number is its
+    error, and a limit within it is neither kept nor violated.
 
     Attributes:
         output: the signal; None: the only one recorded that is not an input.
@@ -95,7 +108,9 @@ class _OfHistory(Limited):
         told = result.get("between_rows", {}).get(name)
         if told is not None:
             behind = [max(b, told[k]) for b, k in zip(behind, kept, strict=True)]
-        return _History(time, values, result["units"].get(name), behind)
+        changes = result.get("step_change", {}).get(name)
+        step = [] if changes is None else [STEP_ERROR * (changes[k] or 0.0) for k in kept]
+        return _History(time, values, result["units"].get(name), behind, step)
 
     @abstractmethod
     def number(self, history: _History, side: float) -> tuple[float, str]:
@@ -113,34 +128,18 @@ class _OfHistory(Limited):
         history = self.history(result)
         number, where = self.number(history, 0.0)
         error = self._error(history, number)
-        words = f"± {error:.2g} between the rows" if error > _TOLD * abs(number) else ""
+        of_rows = self._error(history._replace(step=()), number) if any(history.step) else error
+        cause = "between the rows" if of_rows >= 0.5 * error else "by the communication step"
+        words = f"± {error:.2g} {cause}" if error > _TOLD * abs(number) else ""
         unit = self.units[0] if self.units else history.unit
-        return [Value(value=number, where=", ".join(filter(None, [where, words])), unit=unit)]
+        place, remedy = ", ".join(filter(None, [where, words])), _ROWS if of_rows >= 0.5 * error else STEP_REMEDY
+        return [Value(value=number, where=place, unit=unit, error=error, remedy=remedy)]
 
     def _error(self, history: _History, number: float) -> float:
-        if not self.between_rows:
-            return 0.0
         try:
             return max(abs(self.number(history, side)[0] - number) for side in (1.0, -1.0))
         except NotMeasured:
             return math.inf
-
-    def find(self, results: Sequence[Result]) -> Compliance:
-        compliance = super().find(results)
-        if not compliance.passed or compliance.margin is None:
-            return compliance
-        history = self.history(results[0])
-        number = self.number(history, 0.0)[0]
-        error = self._error(history, number)
-        own = self.units[0] if self.units else history.unit
-        if self.unit is not None and error < math.inf:
-            error = abs(convert(number + error, own, self.unit, self.name) - convert(number, own, self.unit, self.name))
-        if error > compliance.margin:
-            raise NotMeasured(
-                f"{compliance.value_words} is known to ± {error:.2g} only, which lies between the rows, and the limit "
-                f"is {compliance.limit_words}: record more rows, by a smaller step"
-            )
-        return compliance
 
 
 def _bent(time: Sequence[float], values: Sequence[float]) -> list[float]:
@@ -222,8 +221,10 @@ class Overshoot(_OfStep):
         begin, final = self.ends(history)
         up = math.copysign(1.0, final - begin)
         beyond = [
-            (up * (v - final) + max(side, 0.0) * more) / abs(final - begin)
-            for v, more in zip(history.values, _above([up * v for v in history.values], history.behind), strict=True)
+            (up * (v - final) + max(side, 0.0) * more + side * off) / abs(final - begin)
+            for v, more, off in zip(
+                history.values, _above([up * v for v in history.values], history.behind), history.off, strict=True
+            )
         ]
         k = max(range(len(beyond)), key=beyond.__getitem__)
         return 100.0 * max(beyond[k], 0.0), f"t = {history.time[k]:.4g} s" if beyond[k] > 0.0 else ""
@@ -265,10 +266,10 @@ class PeakRequirement(_OfHistory):
 
     def number(self, history: _History, side: float) -> tuple[float, str]:
         sizes = [
-            max(v + max(side, 0.0) * up, -v + max(side, 0.0) * down)
-            for v, up, down in zip(
+            max(v + max(side, 0.0) * up, -v + max(side, 0.0) * down) + side * off
+            for v, up, down, off in zip(
                 history.values, _above(history.values, history.behind),
-                _above([-v for v in history.values], history.behind), strict=True,
+                _above([-v for v in history.values], history.behind), history.off, strict=True,
             )
         ]  # fmt: skip
         k = max(range(len(sizes)), key=sizes.__getitem__)
@@ -298,4 +299,4 @@ class FinalValue(_OfHistory):
     def number(self, history: _History, side: float) -> tuple[float, str]:
         if not math.isfinite(history.values[-1]):
             raise NotMeasured("the signal ends without a number")
-        return history.values[-1], f"t = {history.time[-1]:.4g} s"
+        return history.values[-1] + side * history.off[-1], f"t = {history.time[-1]:.4g} s"

@@ -12,7 +12,10 @@ from workbench.errors import InputError, suggest
 from workbench.study.position_in_file import place
 from workbench.study.requirements.base import Limited, NotMeasured, Result, Value
 
-__all__ = ["AnyValue", "check_path", "found_at", "numbers_at"]
+__all__ = ["STEP_ERROR", "STEP_REMEDY", "AnyValue", "check_path", "errors_at", "found_at", "numbers_at"]
+
+STEP_ERROR = 2.0  # of a method of first order, in what half the communication step changes (Richardson)
+STEP_REMEDY = "which half the communication step changes: make it shorter, by `step`"
 
 _STEP = re.compile(r"(?P<key>[^.\[\]]+)|\[(?P<index>-?\d+|\*)\]|\[(?P<name>[^=\[\]]+)=(?P<value>[^\[\]]*)\]")
 _QUOTED = re.compile(r'"(?P<key>[^"]+)"')
@@ -42,9 +45,10 @@ class AnyValue(Limited):
         if self.count:
             return [Value(value=float(_count(pairs)))]
         items = [pair for where, value in pairs for pair in flat(where, value)]
-        return [self._value(where, value) for where, value in items]
+        errors = errors_at(result, self.path, len(items))
+        return [self._value(where, value, error) for (where, value), error in zip(items, errors, strict=True)]
 
-    def _value(self, where: str, value: Any) -> Value:  # noqa: ANN401
+    def _value(self, where: str, value: Any, error: float) -> Value:  # noqa: ANN401
         if value is None:
             raise NotMeasured(f"there is no value at {self.path}{where}")
         if not isinstance(value, bool | int | float | str):
@@ -53,7 +57,10 @@ class AnyValue(Limited):
             )
         if self.absolute and not isinstance(value, bool | str):
             value = abs(value)
-        return Value(value=value, where=where.strip())
+        words = f"± {error:.2g} by the communication step" if error else ""
+        return Value(
+            value=value, where=", ".join(filter(None, [where.strip(), words])), error=error, remedy=STEP_REMEDY
+        )
 
 
 def _count(result: list[tuple[str, Any]]) -> int:
@@ -92,6 +99,24 @@ def numbers_at(result: Result, path: str, name: str) -> list[tuple[str, float]]:
     if not items:
         raise NotMeasured(f"there is no value at {path}")
     return [(where, float(value)) for where, value in items]
+
+
+def errors_at(result: Result, path: str, count: int) -> list[float]:
+    """Return how far off the numbers at a path may be: of signals of a co-simulation, by its communication step.
+
+    Args:
+        result: as JSON has it.
+        path: into it.
+        count: of the numbers.
+    """
+    head, _, rest = path.partition(".")
+    if head != "signals" or not rest or not result.get("step_change"):
+        return [0.0] * count
+    try:
+        pairs = found_at(result["step_change"], rest)
+    except InputError:  # a forced input
+        return [0.0] * count
+    return [STEP_ERROR * float(change) for where, value in pairs for _, change in flat(where, value)]
 
 
 # -- paths -------------------------------------------------------------------------------------

@@ -118,7 +118,8 @@ def system_schema() -> dict[str, Any]:
     source = {"type": "string", "description": "Output that the input takes, as plant.w."}
     table = json_schema(table_of(Connection, keys=_KEYS, known=("destination",)))
     # Without quotes, a.u is a table a with the key u.
-    more = {"type": "object", "additionalProperties": {"$ref": "#/$defs/connection"}}
+    inner = {"type": "object", "additionalProperties": {"$ref": "#/$defs/connection"}}
+    more = {**inner, "not": {"required": ["from"]}}  # else a misspelt key of a connection would be one to it
     tables: dict[str, dict[str, Any]] = {
         "components": {"type": "object", "additionalProperties": {"anyOf": list(component_schemas())}},
         "connections": {"type": "object", "additionalProperties": {"$ref": "#/$defs/connection"}},
