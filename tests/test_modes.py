@@ -257,6 +257,27 @@ def test_a_mode_that_becomes_unstable_at_a_known_value() -> None:
     assert {s.split(".")[0] for s in mode.states} == {"a", "b", "c"}
 
 
+@pytest.mark.parametrize(
+    ("band", "points", "told"),
+    [((0.0, 7.9), 21, [8.0]), ((-0.95, 6.0), 28, [-1.0]), ((0.0, 6.0), 13, []), ((-2.0, 7.9), 34, [8.0])],
+)
+def test_a_mode_that_is_unstable_just_beyond_the_range_is_to_be_watched(
+    band: tuple[float, float], points: int, told: list[float]
+) -> None:
+    """A gain k around three lags is stable between −1 and 8: a range that ends just inside does not look safe."""
+    plant = control.ss(control.tf([1.0], [1.0, 3.0, 3.0, 1.0]))
+    with connect({"k": 1.0, "plant": plant}, [("plant.y", "k.u"), ("k.y", "plant.u", {"gain": -1.0})]) as system:
+        result = modes(system, vary="k.gain", band=band, points=points)
+    (only,) = result.sets
+    assert [v for _, v in only.reached_beyond] == pytest.approx(told, abs=0.02)
+    summary = modes_page(result).summary
+    unstable = ["unstable"] if band[0] < -1.0 else []
+    assert [v.word for v in summary] == [*unstable, *(["watch"] if told else ["stable"])]
+    for number, value in only.reached_beyond:
+        words = f"mode {number} reaches zero just beyond the range, at about {value:.5g}: widen it"
+        assert words in summary[-1].text
+
+
 def test_the_gain_of_a_system_is_varied_like_a_parameter() -> None:
     """A gain k around three lags: unstable above 8 at √3 rad/s, and below −1 by divergence."""
     plant = control.ss(control.tf([1.0], [1.0, 3.0, 3.0, 1.0]))
