@@ -486,7 +486,13 @@ def _clock(
     time = factor * table.values[:, clock]
     keep = np.flatnonzero(np.append(np.diff(time) != 0.0, True))
     if len(keep) < len(time):
-        notes.append(f"{name}: {len(time) - len(keep)} times appear twice (events); the later rows are used")
+        twice = len(time) - len(keep)
+        rows = (
+            "1 time appears twice (an event); the later row is"
+            if twice == 1
+            else f"{twice} times appear twice (events); the later rows are"
+        )
+        notes.append(f"{name}: {rows} used")
     return time[keep], keep
 
 

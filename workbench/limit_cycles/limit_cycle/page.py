@@ -35,7 +35,7 @@ def limit_cycle_page(result: LimitCycleResult) -> Page:
             Section(
                 "Crossings and motion", figures=[(result.plot, "L(jω) with −1/N(A), the crossings, and the motion.")]
             ),
-            crossings_section(result.nyquist, result.input_unit),
+            crossings_section(result.nyquist, result.input_unit, result.units.get(result.output)),
             _cycles(result),
             *([] if result.absolute is None else [absolute_section(result.absolute)]),
             *([] if result.simulated is None else [_simulated(result.simulated, result.input_unit)]),

@@ -14,15 +14,19 @@ __all__ = ["STABLE", "absolute_page", "absolute_section", "crossings_section", "
 STABLE = {True: "stable", False: "unstable", None: "not known"}
 
 
-def crossings_section(result: NyquistResult, unit: str | None = None) -> Section:
+def crossings_section(result: NyquistResult, unit: str | None = None, output_unit: str | None = None) -> Section:
     """Return the crossings of a Nyquist curve with −1/N(A).
 
     Args:
         result: with the crossings.
-        unit: of the amplitude; None: not known, or none.
+        unit: of the amplitude, at the block's input; None: not known, or none.
+        output_unit: of the block's output; L goes from there to its input.
     """
+    there = None if unit == output_unit else f"{unit or '1'} per {output_unit or '1'}"
+    inverse = None if unit == output_unit else f"{output_unit or '1'} per {unit or '1'}"
     headings = (
-        "", "frequency [Hz]", "L there", "gain −1/L", bracketed("amplitude", unit),
+        "crossing", "frequency [Hz]", bracketed("L there", there), bracketed("gain −1/L", inverse),
+        bracketed("amplitude", unit),
         "unstable poles at less gain", "at more", "distortion [%]", "cycle",
     )  # fmt: skip
     rows = [_crossing(i, c) for i, c in enumerate(result.crossings, 1)]

@@ -128,7 +128,7 @@ def _configuration(result: ModesResult, modes: ModeSet, parameter: str) -> Secti
 def _modes(modes: ModeSet, parameter: str, *, every: bool) -> Section:
     """Return every mode at both ends of the range, and where its damping is smallest."""
     headings = (
-        "mode", "natural first [Hz]", "last [Hz]", "damping first", "last", "smallest", f"at {parameter}",
+        "mode", "natural first [Hz]", "last [Hz]", "damping first [%]", "last [%]", "smallest [%]", f"at {parameter}",
         "states that take part",
     )  # fmt: skip
     rows = [_mode(m, modes) for m in modes.modes]
@@ -137,7 +137,7 @@ def _modes(modes: ModeSet, parameter: str, *, every: bool) -> Section:
 
 
 def _mode(mode: Mode, modes: ModeSet) -> tuple[str, ...]:
-    f, damping = mode.natural_frequency_hz, mode.damping
+    f, damping = mode.natural_frequency_hz, 100.0 * mode.damping
     known = [(float(d), float(v)) for d, v in zip(damping, modes.value, strict=True) if not math.isnan(d)]
     least, where = min(known, default=(math.nan, math.nan))
     numbers = (f[0], f[-1], damping[0], damping[-1], least, where)
