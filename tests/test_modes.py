@@ -255,6 +255,14 @@ def test_a_mode_that_becomes_unstable_at_a_known_value() -> None:
     assert mode.pole.real == pytest.approx(root / 2.0 - 1.0, abs=1e-7)
     assert mode.damping == pytest.approx(-mode.pole.real / np.abs(mode.pole))
     assert {s.split(".")[0] for s in mode.states} == {"a", "b", "c"}
+    # Damping in one unit everywhere, and what the legend names is in the picture.
+    (table,) = modes_page(result).sections[1].parts[0].tables
+    assert table.headings[3:6] == ("damping first [%]", "last [%]", "smallest [%]")
+    row = table.rows[critical.mode - 1]
+    assert [float(x) for x in row[3:5]] == pytest.approx((100.0 * mode.damping[[0, -1]]).tolist(), rel=1e-3)
+    low, high = result.plot().axes[1].get_ylim()
+    named = [only.mode(n).natural_frequency_hz for n in only.relevant(6)]
+    assert all(low <= f <= high for line in named for f in line)
 
 
 @pytest.mark.parametrize(

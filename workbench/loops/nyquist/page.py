@@ -14,16 +14,18 @@ __all__ = ["STABLE", "absolute_page", "absolute_section", "crossings_section", "
 STABLE = {True: "stable", False: "unstable", None: "not known"}
 
 
-def crossings_section(result: NyquistResult, unit: str | None = None, output_unit: str | None = None) -> Section:
-    """Return the crossings of a Nyquist curve with −1/N(A).
+def crossings_section(
+    result: NyquistResult, unit: str | None = None, *, of: tuple[str | None, str | None] = (None, None)
+) -> Section:
+    """Return the section of the crossings.
 
     Args:
         result: with the crossings.
-        unit: of the amplitude, at the block's input; None: not known, or none.
-        output_unit: of the block's output; L goes from there to its input.
+        unit: of the amplitude; None: not known, or none.
+        of: units of the block's input and of its output, between which L is a ratio; the same: L has none.
     """
-    there = None if unit == output_unit else f"{unit or '1'} per {output_unit or '1'}"
-    inverse = None if unit == output_unit else f"{output_unit or '1'} per {unit or '1'}"
+    above, below = (name or "1" for name in of)
+    there, inverse = (None, None) if above == below else (f"{above} per {below}", f"{below} per {above}")
     headings = (
         "crossing", "frequency [Hz]", bracketed("L there", there), bracketed("gain −1/L", inverse),
         bracketed("amplitude", unit),
