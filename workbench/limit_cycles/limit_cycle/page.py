@@ -50,8 +50,7 @@ def limit_cycle_page(result: LimitCycleResult) -> Page:
 
 def _crossings(result: LimitCycleResult) -> Section:
     """Return the crossings; L has no unit where that of the block's output is not known."""
-    known = {} if result.simulated is None else result.simulated.units
-    told = (result.input_unit, known[result.output]) if result.output in known else (None, None)
+    told = (result.input_unit, result.units[result.output]) if result.output in result.units else (None, None)
     return crossings_section(result.nyquist, result.input_unit, of=told)
 
 
