@@ -22,6 +22,8 @@ from workbench.limit_cycles.limit_cycle.request import limit_cycle
 from workbench.limit_cycles.limit_cycle.result import LimitCycleResult
 from workbench.loops.describing.base import DescribedBlock
 from workbench.loops.describing.describe import standard_block
+from workbench.loops.nyquist.page import crossings_section
+from workbench.loops.nyquist.result import NyquistResult
 from workbench.model.described_model import DescribedModel
 from workbench.response.simulate.zero_crossings import told_mean
 from workbench.system.connect import connect
@@ -172,3 +174,16 @@ def test_harmonic_balance_that_leads_out_of_the_band_is_no_cycle(monkeypatch: py
         result = limit_cycle(system, block="block", band=(0.01, 10.0), workers=Workers(in_process=True))
     assert min(c.frequency_hz for c in result.limit_cycles) > 0.2
     assert any("leads out of the band, to 4e-15 Hz" in note for note in result.notes)
+
+
+def test_the_table_of_crossings_has_units_where_those_of_the_block_are_known() -> None:
+    curve = NyquistResult(
+        name="L", block="b", frequency_hz=np.array([1.0, 2.0]), response=np.array([-1.0 + 0j, -0.5 + 0j]),
+        crossings=(), amplitude=np.zeros(0), minus_inverse=np.zeros(0, dtype=np.complex128),
+    )  # fmt: skip
+    (table,) = crossings_section(curve, "rad/s", of=("rad/s", "N.m")).tables
+    assert table.headings[:5] == (
+        "crossing", "frequency [Hz]", "L there [rad/s per N.m]", "gain −1/L [N.m per rad/s]", "amplitude [rad/s]",
+    )  # fmt: skip
+    (plain,) = crossings_section(curve).tables
+    assert plain.headings[2:4] == ("L there", "gain −1/L")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import control
@@ -306,3 +307,18 @@ def test_what_includes_the_discrete_states_is_named_where_it_can_be_had() -> Non
     with load("fmu:ElevatorLaw", "me") as model:
         assert f"{HELD}; kalman-bertram includes them" in lin(model, method="difference").result.notes
         assert not any(note.startswith(HELD) for note in lin(model).result.notes)
+
+
+def test_the_picture_of_a_linear_model_shows_what_is_large_and_moves() -> None:
+    """1/(s + 1)³ beside a slow pole of next to no part and a fast one: 80 dB deep, and until the step rests."""
+    main = control.tf([1.0], [1.0, 3.0, 3.0, 1.0])
+    slow, fast = control.tf([1e-5], [1.0, 0.01]), control.tf([1.0], [1e-4, 1.0])
+    with connect({"g": control.ss((main + slow) * fast)}, [], inputs={"u": "g.u"}, outputs={"y": "g.y"}) as system:
+        result = lin(system).result
+    gain, _, step = (ax for ax in result.plot().axes if ax.lines)
+    low, high = gain.get_ylim()
+    assert high - low < 90.0
+    # |1/(jω + 1)³| is 80 dB below the gain at 0 where ω is 10^(80/60).
+    assert gain.get_xlim()[1] == pytest.approx(10.0 ** (80.0 / 60.0) / (2.0 * math.pi), rel=0.1)
+    # 1 − e^{−t}(1 + t + t²/2) is within 1 % of its end at 8.4 s; the slow pole's 5 time constants are 500 s.
+    assert 8.0 < step.lines[0].get_xdata()[-1] < 15.0

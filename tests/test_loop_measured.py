@@ -16,7 +16,7 @@ from workbench.errors import InputError
 from workbench.jobs.options import Workers
 from workbench.loops.loop.injecting import first_guess
 from workbench.loops.loop.margins import curve_margins, margins_of
-from workbench.loops.loop.page import margin_tables, margin_verdict
+from workbench.loops.loop.page import loop_page, margin_tables, margin_verdict
 from workbench.loops.loop.request import loop
 from workbench.loops.loop.result import LoopResult
 from workbench.point.trim.request import trim
@@ -59,6 +59,32 @@ def test_margins_of_the_broken_loop_are_those_of_the_describing_function(
 def test_far_beyond_the_limits_the_gain_is_four_over_pi_by_the_amplitude(saturated: LoopResult) -> None:
     ratio = saturated.curve(5.0, "break").margins.gain_margin / saturated.margins.gain_margin
     assert 1.0 / ratio == pytest.approx(4.0 / (math.pi * 5.0), rel=1e-2)
+
+
+def test_margins_beyond_the_band_are_to_be_watched_and_extremes_at_its_edge_are_bounds() -> None:
+    """L = 6/(s+1)³ is 1 at 0.242 Hz and real at 0.276 Hz: a band from 0.25 Hz sees the gain margin only."""
+    with unity({"s": "fmu:Saturation", **LAGS}, 6.0, start_values=SATURATION) as model:
+        result = loop(model, "s.u", [0.5], band=(0.25, 0.6), ratio=1.4, how="break", workers=HERE)
+    m = result.curve(0.5).margins
+    assert m.gain_margin == pytest.approx(8.0 / 6.0, rel=1e-3)
+    assert math.isnan(m.phase_margin_deg)
+    linear, measured = loop_page(result).summary
+    assert (linear.word, measured.word) == ("stable", "watch")
+    assert "phase and delay margin not seen in the band" in measured.text
+    (table, _) = margin_tables(m, (0.25, 0.6))
+    told = {row[0]: row[1] for row in table.rows}
+    assert told["phase margin"] == "not seen in the band"
+    at_edge = {
+        "largest |S|": m.peak_sensitivity_hz, "largest |T|": m.peak_complementary_hz,
+        "disk margin": m.disk.frequency_hz if m.disk else math.nan,
+    }  # fmt: skip
+    assert any(f == pytest.approx(0.25) for f in at_edge.values())
+    for name, f in at_edge.items():
+        sign = "≤" if name == "disk margin" else "≥"
+        assert told[name].startswith(sign) == (f == pytest.approx(0.25)), name
+        assert told[name].endswith("(edge of the band)") == (f == pytest.approx(0.25)), name
+    (drawn,) = (s for s in loop_page(result).sections if s.title.startswith("Measured"))
+    assert drawn.tables[0].rows == table.rows
 
 
 @pytest.mark.parametrize("amplitude", [0.5, 2.0, 5.0])

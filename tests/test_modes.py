@@ -255,6 +255,35 @@ def test_a_mode_that_becomes_unstable_at_a_known_value() -> None:
     assert mode.pole.real == pytest.approx(root / 2.0 - 1.0, abs=1e-7)
     assert mode.damping == pytest.approx(-mode.pole.real / np.abs(mode.pole))
     assert {s.split(".")[0] for s in mode.states} == {"a", "b", "c"}
+    # Damping in one unit everywhere, and what the legend names is in the picture.
+    (table,) = modes_page(result).sections[1].parts[0].tables
+    assert table.headings[3:6] == ("damping first [%]", "last [%]", "smallest [%]")
+    row = table.rows[critical.mode - 1]
+    assert [float(x) for x in row[3:5]] == pytest.approx((100.0 * mode.damping[[0, -1]]).tolist(), rel=1e-3)
+    low, high = result.plot().axes[1].get_ylim()
+    named = [only.mode(n).natural_frequency_hz for n in only.relevant(6)]
+    assert all(low <= f <= high for line in named for f in line)
+
+
+@pytest.mark.parametrize(
+    ("band", "points", "told"),
+    [((0.0, 7.9), 21, [8.0]), ((-0.95, 6.0), 28, [-1.0]), ((0.0, 6.0), 13, []), ((-2.0, 7.9), 34, [8.0])],
+)
+def test_a_mode_that_is_unstable_just_beyond_the_range_is_to_be_watched(
+    band: tuple[float, float], points: int, told: list[float]
+) -> None:
+    """A gain k around three lags is stable between −1 and 8: a range that ends just inside does not look safe."""
+    plant = control.ss(control.tf([1.0], [1.0, 3.0, 3.0, 1.0]))
+    with connect({"k": 1.0, "plant": plant}, [("plant.y", "k.u"), ("k.y", "plant.u", {"gain": -1.0})]) as system:
+        result = modes(system, vary="k.gain", band=band, points=points)
+    (only,) = result.sets
+    assert [v for _, v in only.reached_beyond] == pytest.approx(told, abs=0.02)
+    summary = modes_page(result).summary
+    unstable = ["unstable"] if band[0] < -1.0 else []
+    assert [v.word for v in summary] == [*unstable, *(["watch"] if told else ["stable"])]
+    for number, value in only.reached_beyond:
+        words = f"mode {number} reaches zero just beyond the range, at about {value:.5g}: widen it"
+        assert words in summary[-1].text
 
 
 def test_the_gain_of_a_system_is_varied_like_a_parameter() -> None:

@@ -156,6 +156,19 @@ def test_the_page_gives_no_bandwidth_above_a_resonance() -> None:
     assert curve_row(flat)[1] == "1.3 … 1.4"
 
 
+def test_the_page_says_where_the_gain_passes_the_level_without_being_a_bandwidth_and_why() -> None:
+    plain = nfr(lag(0.1), "u", "y", [1.0, 1.1, 1.2, 1.3, 1.4, 1.5], [1.0])
+    peaked = replace(plain, response=np.array([[1.0, 3.0, 10.0, 2.0, 0.5, 0.3]], dtype=np.complex128))
+    words = "between 1.3 and 1.4 Hz, above a resonance: that is not a bandwidth"
+    assert any(words in text for text in _told(peaked))
+    flat = replace(plain, response=np.array([[1.0, 1.1, 1.0, 0.8, 0.6, 0.5]], dtype=np.complex128))
+    assert not any("bandwidth." in text and "passes" in text for text in _told(flat))
+
+
+def _told(result: NfrResult) -> list[str]:
+    return list(next(s for s in nfr_page(result).sections if s.title == "Bandwidth and highest gain").paragraphs)
+
+
 def test_the_change_from_one_measurement_to_another() -> None:
     """Half as large and 30° later; nothing where both vanish; without bound where one of them fails or vanishes."""
     one, later = point(1.0, 2.0), point(1.0, cmath.rect(1.0, -math.pi / 6.0))

@@ -23,6 +23,7 @@ from scripts.promises.nfr import Plant, measure
 from tests.lin_fmus import built
 from workbench.jobs.store import FILE_NAME
 from workbench.response.nfr.error import Evidence
+from workbench.response.nfr.page import nfr_page
 from workbench.response.nfr.period_solver import Search, can_solve
 from workbench.response.nfr.point import PointTask
 from workbench.response.periodic.fourier import Period
@@ -263,6 +264,15 @@ def test_a_second_stable_response_is_told_and_no_linear_one_is_suspected() -> No
     (words,) = found.warnings
     assert "another stable response, gain 10.05 besides 1.461" in words or "gain 1.461 besides 10.05" in words
     assert not any("stable response" in words for words in calm.warnings)
+    # What the start decides is not green, and the highest gain is that of the responses measured.
+    page, quiet = nfr_page(found), nfr_page(calm)
+    assert sorted(v.word for v in page.summary) == ["settled", "watch"]
+    assert [v.word for v in quiet.summary] == ["settled"]
+    assert "solved for" in quiet.summary[0].text
+    of_measured = [
+        any("Of the responses measured" in text for s in p.sections for text in s.paragraphs) for p in (page, quiet)
+    ]
+    assert of_measured == [True, False]
 
 
 SPRING = """parameter Real d = 0.1; parameter Real c = 0; Real x(start = 0, fixed = true);

@@ -22,6 +22,7 @@ from workbench.errors import InputError
 from workbench.loops.mu.blocks import MuBlock
 from workbench.loops.mu.peak import peak
 from workbench.loops.robust.fraction import fraction
+from workbench.loops.robust.page import robust_page
 
 # 1/(s³ + 0.6 s² + s) in a loop with a gain k: stable below 0.6 (Routh), where the poles are ±j.
 ROUTH = """
@@ -111,6 +112,16 @@ def test_the_margin_of_a_gain_is_that_of_routh_and_its_worst_set_is_unstable(rou
     assert told.worst.pole.real > 0.0
     assert told.worst.frequency_hz == pytest.approx(1.0 / (2.0 * math.pi), rel=1e-2)
     assert told.worst.parameters["k.gain"] == pytest.approx(0.6, rel=1e-2)
+
+
+def test_a_worst_set_outside_the_ranges_is_told_as_such(routh: Path) -> None:
+    """Unstable from a gain of 0.6 on: not in a range from 0.3 to 0.5, but twice that range holds it."""
+    with wb.load(routh) as model:
+        found = wb.robust(model, {"k.gain": (0.3, 0.5)}, hold=True, in_process=True)
+    (row,) = robust_page(found).sections[0].tables[0].rows
+    value, words = row[-1].split(", ")
+    assert float(value) == pytest.approx(0.6, rel=0.02)
+    assert words == "outside the range"
 
 
 def test_a_range_over_which_the_loop_may_be_unstable_has_no_worst_gain(routh: Path) -> None:

@@ -19,9 +19,12 @@ from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError
 from workbench.identification.identified.model import IdentifiedModel
 from workbench.point.lin.result import LinResult
+from workbench.study.page import _step
+from workbench.study.picture import plot_step
 from workbench.study.requirements import KINDS, read_requirement
 from workbench.study.requirements.base import Compliance, NotMeasured
 from workbench.study.requirements.curves import unwrap
+from workbench.study.requirements.step import SettlingTime
 from workbench.study.requirements.value import found_at
 
 
@@ -568,3 +571,37 @@ def test_every_kind_is_documented_and_says_what_it_reads() -> None:
             if f not in text and f not in ("model_config", "commands", "units", "quantity", "between_rows")
         ]
         assert not missing or missing == ["number"] or set(missing) <= {"number", "place"}, (name, missing)
+
+
+def test_the_picture_of_a_step_tells_final_value_and_limit_apart_and_marks_where_the_limit_is_broken() -> None:
+    style: dict[str, Any] = {"title": "t", "name": "y", "unit": "deg", "final": 1.0}
+    time, values = [0.0, 1.0, 2.0, 3.0], [0.0, 1.3, 0.9, 1.0]
+    over = plot_step(time, values, highest=1.2, violated=(1.0, 1.3), **style)
+    ax = over.axes[0]
+    lines = {str(line.get_label()): line for line in ax.lines}
+    assert set(lines) == {"y", "final value", "limit", "limit violated"}
+    final, limit = lines["final value"], lines["limit"]
+    assert (final.get_linestyle(), final.get_color()) != (limit.get_linestyle(), limit.get_color())
+    assert np.ravel(lines["limit violated"].get_data()).tolist() == [1.0, 1.3]
+    settling = plot_step(time, values, band=("± 2 % of the step", 0.02), times={"settled": 2.9, "limit": 3.5}, **style)
+    (legend,) = settling.legends
+    assert [text.get_text() for text in legend.get_texts()].count("± 2 % of the step") == 1
+    assert len(legend.get_texts()) == 5
+
+
+@pytest.mark.parametrize(("unit", "limit"), [(None, 0.5), ("ms", 500.0)])
+def test_the_limit_of_a_settling_time_is_drawn_where_it_is_whatever_its_unit(unit: str | None, limit: float) -> None:
+    time = np.linspace(0.0, 10.0, 2001)
+    record = {
+        "command": "simulate", "time": time.tolist(), "signals": {"y": (1.0 - np.exp(-time)).tolist()},
+        "units": {"y": None},
+    }  # fmt: skip
+    asked = {"name": "r", "analysis": "a", "kind": "settling time", "max": limit, **({"unit": unit} if unit else {})}
+    requirement = read_requirement(asked, "here")
+    assert isinstance(requirement, SettlingTime)
+    ax = _step(requirement, record, "title", requirement.find([record])).axes[0]
+    lines = {str(line.get_label()): line for line in ax.lines}
+    assert lines["limit"].get_xdata()[0] == pytest.approx(0.5)
+    assert lines["settled"].get_xdata()[0] == pytest.approx(math.log(50.0), rel=1e-3)
+    x, y = np.ravel(lines["limit violated"].get_data())
+    assert (x, y) == pytest.approx((math.log(50.0), 0.98), rel=1e-2)

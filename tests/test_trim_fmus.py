@@ -12,6 +12,7 @@ import pytest
 import workbench as wb
 from tests.gemseo import gemseo_fmu, needs_gemseo
 from workbench.cli.app import run
+from workbench.point.trim.page import trim_page
 
 STATES = ["p1", "p2", "spool", "current", "piston", "pistonSpeed", "surface", "surfaceSpeed"]
 DEL = 1.9905784  # deg at delC = 2 deg: the model's statics, see its README
@@ -36,6 +37,7 @@ def test_rudder_at_rest_is_unique(rudder: wb.DescribedModel) -> None:
     assert result.operating_point.y["del"] == pytest.approx(DEL, abs=1e-6)
     assert statics(result.operating_point.x) == pytest.approx((0.0, 0.0), abs=1e-6)
     assert result.evaluations < 60
+    assert [v.word for v in trim_page(result).summary] == ["converged"]
 
 
 @pytest.mark.parametrize("name", ["fmu:Rudder", "fmu:Rudder@3"])
@@ -51,6 +53,8 @@ def test_rudder_with_floating_pressures_is_a_family(name: str) -> None:
     assert result.operating_point.y["del"] == pytest.approx(DEL, abs=1e-6)  # the slowest of all is the true equilibrium
     assert "8 unknowns" in result.notes[0]
     assert "6 equations" in result.notes[0]
+    # One of many points is not the one that was meant: not green.
+    assert [v.word for v in trim_page(result).summary] == ["watch"]
 
 
 def test_the_member_nearest_to_the_start_lets_the_pressures_move(rudder: wb.DescribedModel) -> None:

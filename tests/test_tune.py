@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ from workbench.study.requirements import KINDS
 from workbench.study.requirements.response import Mask
 from workbench.study.tune.family import LinearFamily, Member
 from workbench.study.tune.minimax import SmoothPiece, minimax
+from workbench.study.tune.page import tune_page
 from workbench.study.tune.readings import closed_poles, readings
 from workbench.system.description import BlockComponent, GainComponent
 
@@ -258,6 +260,18 @@ def test_several_points_and_a_file_with_its_comments(tuned: Callable[..., wb.Tun
     with wb.load("tuned.toml") as system:
         assert wb.lin(system).result.poles == pytest.approx([-(1.0 + k)])
     assert wb.TuneResult.from_dict(found.to_dict()).to_dict() == found.to_dict()
+    # The page: no column without a heading, units behind both values, and a parameter at its limit is not green.
+    (only,) = found.parameters
+    held = replace(found, parameters=(replace(only, at_bound=True),))
+    assert "watch" not in {v.word for v in tune_page(found).summary}
+    assert [v.text for v in tune_page(held).summary if v.word == "watch"] == [
+        f"gain.gain = {k:.5g} is held by its limit"
+    ]
+    tables = [t for s in tune_page(found).sections for t in s.tables]
+    assert all(heading for t in tables for heading in t.headings)
+    row = next(r for t in tables for r in t.rows if r[0].startswith("soft"))
+    assert row[1].endswith(" dB")
+    assert row[2].endswith(" dB")
 
 
 def test_a_parameter_of_an_fmu_is_linearised_anew(tuned: Callable[..., wb.TuneResult]) -> None:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from workbench.errors import WorkbenchError
 from workbench.show.facts import point_facts
@@ -16,7 +19,7 @@ from workbench.show.tables import sentence
 from workbench.show.verdicts import Verdict
 from workbench.study.baselines import read_baseline
 from workbench.study.plan import PlannedRun, RunResult
-from workbench.study.requirements.base import Compliance, Result
+from workbench.study.requirements.base import Compliance, Result, convert
 from workbench.study.requirements.baseline import Baseline
 from workbench.study.requirements.response import UNITS, Mask
 from workbench.study.requirements.step import Overshoot, SettlingTime
@@ -268,18 +271,21 @@ def _step(requirement: SettlingTime | Overshoot, result: Result, title: str, com
 
     history = requirement.history(result)
     begin, final = requirement.ends(history)
-    width = requirement.band * abs(final - begin)
-    lines = {"final value": final}
-    times: dict[str, float] = {}
+    number = requirement.number(history, 0.0)[0]
+    limit = requirement.max
+    if limit is not None and requirement.unit is not None:  # in which the limit is told, not the number
+        limit = convert(limit, requirement.unit, requirement.units[0], requirement.name)
+    broken = not compliance.passed and limit is not None and number > limit
+    levels: dict[str, Any] = {"final": final}
     if isinstance(requirement, SettlingTime):
-        share = f"{100.0 * requirement.band:g} %"
-        lines = {f"final value + {share}": final + width, f"final value − {share}": final - width}
-        if isinstance(compliance.value, float):
-            times["settled"] = requirement.after + compliance.value
-        if requirement.max is not None:
-            times[LIMIT] = requirement.after + requirement.max
-    elif requirement.max is not None:
-        lines["limit"] = final + requirement.max / 100.0 * (final - begin)
+        settled = requirement.after + number
+        levels["band"] = (f"± {100.0 * requirement.band:g} % of the step", requirement.band * abs(final - begin))
+        levels["times"] = {"settled": settled} | ({} if limit is None else {LIMIT: requirement.after + limit})
+        place = (settled, float(np.interp(settled, history.time, history.values)))
+    else:
+        levels["highest"] = None if limit is None else final + limit / 100.0 * (final - begin)
+        up = math.copysign(1.0, final - begin)
+        place = max(zip(history.time, history.values, strict=True), key=lambda row: up * (row[1] - final))
+    levels["violated"] = place if broken else None
     name = requirement.signal(result)
-    unit = history.unit
-    return plot_step(history.time, history.values, title=title, name=name, unit=unit, lines=lines, times=times)
+    return plot_step(history.time, history.values, title=title, name=name, unit=history.unit, **levels)

@@ -22,6 +22,10 @@ __all__ = ["LIMIT", "plot_baseline", "plot_between_masks", "plot_step"]
 LIMIT = "limit"
 
 _FORBIDDEN = "#b3261e"
+_MARKED: dict[str, Any] = {
+    "marker": "s", "linestyle": "", "color": _FORBIDDEN, "markerfacecolor": "none", "markersize": 9,
+    "markeredgewidth": 1.6,
+}  # fmt: skip
 _Line = tuple[Sequence[float], Sequence[float]]
 
 
@@ -56,15 +60,7 @@ def plot_between_masks(
     plain_decades(ax)
     _masks(ax, upper, lower)
     if worst is not None:
-        ax.plot(
-            *worst,
-            "s",
-            color=_FORBIDDEN,
-            markerfacecolor="none",
-            markersize=9,
-            markeredgewidth=1.6,
-            label="least margin",
-        )
+        ax.plot(*worst, label="least margin", **_MARKED)
     ax.set_xlabel("frequency [Hz]")
     ax.set_ylabel(bracketed(quantity, unit))
     if unit == "deg":
@@ -108,10 +104,13 @@ def plot_step(
     title: str,
     name: str,
     unit: str | None,
-    lines: Mapping[str, float] | None = None,
+    final: float,
+    band: tuple[str, float] | None = None,
+    highest: float | None = None,
     times: Mapping[str, float] | None = None,
+    violated: tuple[float, float] | None = None,
 ) -> Figure:
-    """Draw a time history with levels and instants.
+    """Draw a time history with its final value and its limit; where it breaks the limit is marked.
 
     Args:
         time: [s].
@@ -119,18 +118,26 @@ def plot_step(
         title: above the picture.
         name: of the signal.
         unit: of the signal.
-        lines: label → level.
+        final: value to which it tends.
+        band: label and half width of the band around it in which it is settled.
+        highest: level of the limit.
         times: label → instant [s]; `LIMIT` is drawn as one.
+        violated: instant [s] and value that break the limit.
     """
     figure, (ax,) = rows(1, title=title)
     figure.set_size_inches(7.2, 3.6)
     ax.plot(time, values, "-", color=COLOURS[0], linewidth=1.5, label=name)
-    for text, level in (lines or {}).items():
-        ax.axhline(level, color=_FORBIDDEN, linewidth=1.1, linestyle="--", label=text)
+    ax.axhline(final, color="#444444", linewidth=1.0, linestyle="-.", label="final value")
+    if band is not None:
+        ax.axhspan(final - band[1], final + band[1], color="#44444422", linewidth=0.0, label=band[0])
+    if highest is not None:
+        ax.axhline(highest, color=_FORBIDDEN, linewidth=1.2, linestyle="--", label=LIMIT)
     for text, instant in (times or {}).items():
         limit = text == LIMIT
         style = "--" if limit else ":"
         ax.axvline(instant, color=_FORBIDDEN if limit else "#444444", linewidth=1.2, linestyle=style, label=text)
+    if violated is not None:
+        ax.plot(*violated, label="limit violated", **_MARKED)
     ax.set_xlabel("time [s]")
     ax.set_ylabel(bracketed(name, unit))
     _legend(figure, ax)

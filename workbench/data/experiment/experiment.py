@@ -490,8 +490,12 @@ def _clock(
         others = np.delete(table.values, clock, axis=1)
         count = len(np.unique(time[again[~_same_rows(others[again], others[again + 1])]]))
         if count:
-            times = "1 time appears" if count == 1 else f"{count} times appear"
-            notes.append(f"{name}: {times} twice with other values (events); the later rows are used")
+            rows = (
+                "1 time appears twice with other values (an event); the later row is"
+                if count == 1
+                else f"{count} times appear twice with other values (events); the later rows are"
+            )
+            notes.append(f"{name}: {rows} used")
     return time[keep], keep
 
 

@@ -120,7 +120,7 @@ def _words(v: Floats, quantities: FreeValues, z: Floats, half: float) -> str:
     """Return a direction in words."""
     named = [int(k) for k in np.flatnonzero(np.abs(v) > _PART)]
     names = [quantities[k].name for k in named]
-    far = "" if math.isinf(half) else f" (± {_percent(half, [quantities[k] for k in named])})"
+    far = "" if math.isinf(half) else f" (95 %: {_spread(half, [quantities[k] for k in named])})"
     if len(named) == 1:
         return f"{names[0]}: {'does not act on what was measured' if not far else f'the data leave it open{far}'}"
     a, b = (quantities[k].slope(z[k]) * v[k] for k in named[:2])
@@ -133,10 +133,11 @@ def _words(v: Floats, quantities: FreeValues, z: Floats, half: float) -> str:
     return f"{', '.join(names[:-1])} and {names[-1]} trade off: together by {parts} they are not seen{far}"
 
 
-def _percent(half: float, quantities: Sequence[FreeValue]) -> str:
+def _spread(half: float, quantities: Sequence[FreeValue]) -> str:
+    """Return half a region in words: of logarithms it is a factor, which no percentage on both sides tells."""
     if all(q.log for q in quantities):
-        return f"{100.0 * math.expm1(min(half, 20.0)):.0f} %"
-    return f"{100.0 * half:.0f} % of their size" if len(quantities) > 1 else f"{100.0 * half:.0f} % of its size"
+        return f"up or down by a factor {math.exp(min(half, 20.0)):.2g}"
+    return f"± {100.0 * half:.0f} % of {'their' if len(quantities) > 1 else 'its'} size"
 
 
 def _product(names: Sequence[str], exponent: float) -> str:

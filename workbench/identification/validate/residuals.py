@@ -60,7 +60,7 @@ class OutputFit:
         """The figures in one line."""
         if self.reason:
             return f"{self.output}: no fit: {self.reason}"
-        return f"{self.output}: fit {self.fit_percent:.4g} %, error {self.error_percent:.4g} %"
+        return f"{self.output}: fit {self.fit_percent:.4g} %, error {self.error_percent:.4g} % without its mean"
 
 
 def fit_of(output: str, measured: Floats, computed: Floats) -> OutputFit:

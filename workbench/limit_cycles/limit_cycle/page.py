@@ -35,7 +35,7 @@ def limit_cycle_page(result: LimitCycleResult) -> Page:
             Section(
                 "Crossings and motion", figures=[(result.plot, "L(jω) with −1/N(A), the crossings, and the motion.")]
             ),
-            crossings_section(result.nyquist, result.input_unit),
+            _crossings(result),
             _cycles(result),
             *([] if result.absolute is None else [absolute_section(result.absolute)]),
             *([] if result.simulated is None else [_simulated(result.simulated, result.input_unit)]),
@@ -46,6 +46,12 @@ def limit_cycle_page(result: LimitCycleResult) -> Page:
         notes=result.notes,
         kind="limit-cycle",
     )
+
+
+def _crossings(result: LimitCycleResult) -> Section:
+    """Return the crossings; L has no unit where that of the block's output is not known."""
+    told = (result.input_unit, result.units[result.output]) if result.output in result.units else (None, None)
+    return crossings_section(result.nyquist, result.input_unit, of=told)
 
 
 def _lead(result: LimitCycleResult) -> str:

@@ -110,7 +110,7 @@ class LimitCycleResult(Result):
         branches: the cycles followed over each parameter that was asked for.
         observed: free runs from disturbed operating points, made where no cycle is predicted.
         free_run: the run from rest that was asked for, with frequency and amplitude of the block's input over time.
-        units: variable → unit, of what was varied.
+        units: variable → unit, of what was varied and of the block's output.
         notes: what should be known, one line each.
         operating_point: about which the loop was cut; None: not known.
         absolute: sectors for which the loop is proven stable, beside the block's; None: the block has a memory, there

@@ -151,7 +151,7 @@ class _LimitCycleRun:
             observed=tuple(self.observed),
             branches=(*self.branches, *([] if self.following is None else [self.following()])),
             free_run=self.run_from_rest,
-            units={v.name: v.unit for v in model.description.variables if v.name in self.asked.vary},
+            units={v.name: v.unit for v in model.description.variables if v.name in (*self.asked.vary, ports.w)},
             notes=tuple(dict.fromkeys(notes)),
             operating_point=named(model, self.loop.point),
             absolute=self.absolute,

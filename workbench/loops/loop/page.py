@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 
 from workbench.core.values.decibels import decibels, degrees
 from workbench.core.values.margins import Margins
@@ -98,8 +99,20 @@ def margin_verdict(where: str, margins: Margins) -> Verdict:
         f"phase margin {margins.phase_margin_deg:.3g}°" if math.isfinite(margins.phase_margin_deg) else "",
         f"delay margin {1e3 * margins.delay_margin_s:.3g} ms" if math.isfinite(margins.delay_margin_s) else "",
     ]
-    text = "; ".join(filter(None, [margins.words, ", ".join(filter(None, result))]))
-    return Verdict(words.get(margins.verdict, "unknown"), f"{where}: {text}")
+    unseen = _unseen(margins)
+    not_seen = f"{' and '.join(unseen)} not seen in the band: widen it" if unseen else ""
+    text = "; ".join(filter(None, [margins.words, ", ".join(filter(None, result)), not_seen]))
+    word = words.get(margins.verdict, "unknown")
+    return Verdict("watch" if unseen and word == "stable" else word, f"{where}: {text}")
+
+
+def _unseen(m: Margins) -> list[str]:
+    """Return the margins that a measured band is too narrow for; none: they are known, or nothing was measured."""
+    if m.everywhere or not m.meaningful or math.isnan(m.peak_sensitivity):
+        return []
+    known = {"gain": m.gain_margin, "phase": m.phase_margin_deg, "delay": m.delay_margin_s}
+    *most, last = [name for name, value in known.items() if math.isnan(value)] or [""]
+    return [*most, f"{last} margin"] if last else []
 
 
 def _linear(result: LoopResult) -> list[Section]:
@@ -145,17 +158,23 @@ def _curve(curve: LoopCurve, unit: str | None) -> Section:
     return Section(
         f"Measured ({curve.how}), amplitude {curve.amplitude:g}{behind(unit)}",
         items=curve.notes,
-        tables=margin_tables(curve.margins),
+        tables=margin_tables(curve.margins, curve.frequency_hz[[0, -1]].tolist() if curve.frequency_hz.size else ()),
         parts=[Section("Points", tables=[points], folded=True)],
     )
 
 
-def margin_tables(m: Margins) -> list[PageTable]:
+def margin_tables(m: Margins, ends: Collection[float] = ()) -> list[PageTable]:
     """Return the margins with where they are, and the crossovers; of a loop that is not stable the crossovers alone.
 
     Args:
         m: margins; peaks that are NaN are left out.
+        ends: of the band in which they were measured [Hz]: what is extreme there may be more so beyond.
     """
+
+    def bound(sign: str, frequency_hz: float, text: str) -> str:
+        at_edge = any(math.isclose(frequency_hz, end, rel_tol=1e-9) for end in ends)
+        return f"{sign} {text} (edge of the band)" if at_edge else text
+
     rows = [
         ("gain margin", _db(m.gain_margin), _hz(m.phase_crossover_hz)),
         ("gain may fall to", _db(m.gain_reduction), ""),
@@ -166,11 +185,14 @@ def margin_tables(m: Margins) -> list[PageTable]:
     if m.disk is not None:
         d = m.disk
         text = f"{d.alpha:.4g}: gain × {d.low:.4g} to {d.high:.4g}, phase ± {d.phase_deg:.4g}°"
-        rows.append(("disk margin", text, _hz(d.frequency_hz)))
+        rows.append(("disk margin", bound("≤", d.frequency_hz, text), _hz(d.frequency_hz)))
     seen = not math.isnan(m.peak_sensitivity)
     if seen:
-        rows.append(("largest |S|", f"{m.peak_sensitivity:.5g}", _hz(m.peak_sensitivity_hz)))
-        rows.append(("largest |T|", f"{m.peak_complementary:.5g}", _hz(m.peak_complementary_hz)))
+        for name, value, at in (
+            ("largest |S|", m.peak_sensitivity, m.peak_sensitivity_hz),
+            ("largest |T|", m.peak_complementary, m.peak_complementary_hz),
+        ):
+            rows.append((name, bound("≥", at, f"{value:.5g}"), _hz(at)))
     known = m.meaningful and (seen or m.everywhere)
     single = [PageTable(("margin", "value", "at [Hz]"), rows, right=(2,))] if known else []
     return [*single, *_crossovers(m)]

@@ -14,15 +14,21 @@ __all__ = ["STABLE", "absolute_page", "absolute_section", "crossings_section", "
 STABLE = {True: "stable", False: "unstable", None: "not known"}
 
 
-def crossings_section(result: NyquistResult, unit: str | None = None) -> Section:
-    """Return the crossings of a Nyquist curve with −1/N(A).
+def crossings_section(
+    result: NyquistResult, unit: str | None = None, *, of: tuple[str | None, str | None] = (None, None)
+) -> Section:
+    """Return the section of the crossings.
 
     Args:
         result: with the crossings.
         unit: of the amplitude; None: not known, or none.
+        of: units of the block's input and of its output, between which L is a ratio; the same: L has none.
     """
+    above, below = (name or "1" for name in of)
+    there, inverse = (None, None) if above == below else (f"{above} per {below}", f"{below} per {above}")
     headings = (
-        "", "frequency [Hz]", "L there", "gain −1/L", bracketed("amplitude", unit),
+        "crossing", "frequency [Hz]", bracketed("L there", there), bracketed("gain −1/L", inverse),
+        bracketed("amplitude", unit),
         "unstable poles at less gain", "at more", "distortion [%]", "cycle",
     )  # fmt: skip
     rows = [_crossing(i, c) for i, c in enumerate(result.crossings, 1)]

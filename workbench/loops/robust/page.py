@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from workbench.loops.robust.family import UncertainParameter
 from workbench.loops.robust.result import RobustResult, WorstDisk
 from workbench.show.page import Page, PageTable, Section
 from workbench.show.tables import behind, bracketed, counted, number
@@ -78,11 +79,17 @@ def _disk(d: WorstDisk) -> str:
 def _parameters(result: RobustResult) -> Section:
     worst = result.stability.worst
     rows = [
-        (p.name, f"{p.low:.6g}", f"{p.high:.6g}", p.unit or "", str(rank), f"{worst.parameters[p.name]:.6g}")
+        (p.name, f"{p.low:.6g}", f"{p.high:.6g}", p.unit or "", str(rank), _found(p, worst.parameters[p.name]))
         for p, rank in zip(result.parameters, result.neglected.ranks, strict=True)
     ]
     table = PageTable(("parameter", "low", "high", "unit", "rank", "worst found"), rows)
     return Section("Parameters", tables=[table])
+
+
+def _found(p: UncertainParameter, value: float) -> str:
+    """Return a value of the worst set, and that it is outside the range: sets are sought in multiples of the ranges."""
+    slack = 1e-9 * (p.high - p.low)
+    return f"{value:.6g}" if p.low - slack <= value <= p.high + slack else f"{value:.6g}, outside the range"
 
 
 def _worst(result: RobustResult) -> Section:
@@ -115,7 +122,9 @@ def _gain(result: RobustResult) -> Sequence[Section]:
 
 
 def _mu(result: RobustResult) -> Section:
+    beside = "poles" if result.worst_gain is None else "gain"
     caption = (
-        "Bounds of µ over frequency: below 1 all parameters in their ranges are borne; and the poles, or the gain."
+        "Left, the bounds of µ over frequency: below 1 the loop is stable for all parameters in their ranges. "
+        f"Right, the {beside} in the middle of the ranges and at the worst parameters found."
     )
     return Section("µ over frequency", figures=[(result.plot, caption)] if result.mu else [])

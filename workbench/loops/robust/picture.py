@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 __all__ = ["plot_robust"]
 
+_NOTHING = 1e-3  # a lower bound below it says that nothing was found, and would be a dot on the axis
+
 
 def plot_robust(result: RobustResult) -> Figure:
     """Draw both bounds of µ over frequency, and beside them the worst-case gain or the poles.
@@ -49,7 +51,7 @@ def _mu(ax: Axes, result: RobustResult) -> None:
         ax.semilogx(
             f, np.where(np.isfinite(upper), upper, np.nan), color=COLOURS[0], linewidth=1.5, label="upper bound"
         )
-        known = lower > 0.0
+        known = lower > _NOTHING
         ax.semilogx(f[known], lower[known], ".", color=COLOURS[2], markersize=5, label="lower bound")
         log_axis(ax, float(f[0]), float(f[-1]))
     worst = result.stability.worst

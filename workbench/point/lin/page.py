@@ -64,7 +64,10 @@ def linear_model_page(model: LinearModel) -> Page:
 def _response(result: LinResult) -> list[Section]:
     if not result.input_names or not result.output_names:
         return []
-    words = "Bode picture and step response, one column for each input."
+    words = (
+        "Bode picture, down to 80 dB below the largest gain, and step response; a curve for each pair of input and "
+        "output."
+    )
     return [Section("Response", figures=[(result.plot, words)])]
 
 

@@ -27,6 +27,10 @@ __all__ = ["frequency_band", "plot_curves", "plot_lin", "plot_step_check", "plot
 
 _LEAST_ERROR = 1e-12  # drawn
 
+_DEPTH_DB = 80.0  # below the largest gain: what is smaller by more than four decimal places is not looked at
+_SETTLED = 0.01  # of the largest value of a step response: what changes by less is at rest
+_AFTER = 1.5  # times the time to rest are shown
+
 _DASHES = ("-", "--", "-.", ":")
 
 
@@ -43,7 +47,7 @@ def plot_lin(result: LinResult) -> Figure:
         missing = "output" if result.input_names else "input"
         raise InputError(f"{result.model}: the linear model has no {missing}, so it has no response to draw")
     figure, (*axes, step) = rows(3, title=_title(result), shared=2)
-    frequency = frequency_band([result])
+    frequency = _seen(result, frequency_band([result]))
     nothing = set(result.without_effect)
     time, outputs = _step(result)
     pairs = len(result.input_names) * len(result.output_names)
@@ -57,12 +61,32 @@ def plot_lin(result: LinResult) -> Figure:
             extra = {"where": "post"} if result.dt > 0.0 else {}
             draw(time, outputs[:, i, j], label=label, **style, **extra)
     _finish(axes, frequency)
+    _floor(axes[0])
     axes[1].tick_params(labelbottom=True)
     step.set_xlabel("time [s]")
     step.set_ylabel(f"step response [{units.pop()}]" if len(units) == 1 else "step response")
     if pairs > 1 or nothing:
         step.legend(**LEGEND)
     return figure
+
+
+def _seen(result: LinResult, frequency: Floats) -> Floats:
+    """Return the frequencies without those beyond which every gain is too small to matter."""
+    pairs = [(j, i) for j in range(len(result.input_names)) for i in range(len(result.output_names))]
+    gain = np.max([np.abs(result.curve(j, i, frequency).value) for j, i in pairs], axis=0)
+    large = np.flatnonzero(gain > 10.0 ** (-_DEPTH_DB / 20.0) * np.max(gain))
+    last = int(large[-1]) if large.size else len(gain) - 1
+    return frequency if last == len(gain) - 1 else np.geomspace(frequency[0], frequency[last], len(frequency))
+
+
+def _floor(gain: Axes) -> None:
+    """Show no gain that is too small to matter: as far below the largest one as the frequencies go."""
+    curves = [np.asarray(line.get_ydata(), dtype=np.float64) for line in gain.lines]
+    known = [y[np.isfinite(y)] for y in curves]
+    top = max((float(y.max()) for y in known if y.size), default=0.0)
+    low = min((float(y.min()) for y in known if y.size), default=0.0)
+    if low < top - _DEPTH_DB:
+        gain.set_ylim(top - _DEPTH_DB, top + 0.05 * _DEPTH_DB)
 
 
 def _title(result: LinResult) -> str:
@@ -124,9 +148,18 @@ def _finish(axes: Sequence[Axes], frequency: Floats) -> None:
 
 
 def _step(result: LinResult) -> tuple[Floats, Floats]:
-    """Return times (k,) [s] and unit step responses (k, q, m)."""
-    dt = result.dt or _horizon(result) / POINTS
-    count = min(POINTS, max(20, round(_horizon(result) / dt))) if result.dt > 0.0 else POINTS
+    """Return times (k,) [s] and unit step responses (k, q, m), until they rest or as long as the slowest pole takes."""
+    horizon = _horizon(result)
+    time, outputs = _steps(result, horizon)
+    moving = np.abs(outputs - outputs[-1]) > _SETTLED * np.max(np.abs(outputs), axis=0)
+    last = np.flatnonzero(np.any(moving, axis=(1, 2)))
+    shown = _AFTER * float(time[min(int(last[-1]) + 1, len(time) - 1)]) if last.size else horizon
+    return _steps(result, shown) if shown < time[-1] else (time, outputs)
+
+
+def _steps(result: LinResult, horizon: float) -> tuple[Floats, Floats]:
+    dt = result.dt or horizon / POINTS
+    count = min(POINTS, max(20, round(horizon / dt))) if result.dt > 0.0 else POINTS
     outputs = [step_response(result, j, dt, count) for j in range(len(result.input_names))]
     return np.asarray(dt * np.arange(count + 1), dtype=np.float64), np.stack(outputs, axis=-1)
 

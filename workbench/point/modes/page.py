@@ -84,11 +84,21 @@ def _verdicts(result: ModesResult, modes: ModeSet) -> list[Verdict]:
     """Return one verdict on the whole of a configuration; what single modes do stands in its table."""
     name = _name(modes)
     verdicts = [Verdict("failed", f"{name}: {result.parameter} = {v:g}: {why}") for v, why in modes.failed.items()]
+    verdicts += _beyond(result, modes)
     if modes.unstable_ranges:
         ranges = "; ".join(_begun(result, modes, *pair) for pair in modes.unstable_ranges)
         return [Verdict("unstable", f"{name}: {result.parameter} = {ranges}"), *verdicts]
     which = "every mode" if result.followed is None else "every mode that was followed"
     return verdicts or [Verdict("stable", f"{name}: {which}, at every value")]
+
+
+def _beyond(result: ModesResult, modes: ModeSet) -> list[Verdict]:
+    """Return what is to be watched: a range that ends just before a mode becomes unstable looks stable."""
+    ends = ", ".join(
+        f"mode {n} reaches zero just beyond the range, at about {v:.5g}{behind(result.unit)}"
+        for n, v in modes.reached_beyond
+    )
+    return [Verdict("watch", f"{_name(modes)}: {ends}: widen it")] if ends else []
 
 
 def _begun(result: ModesResult, modes: ModeSet, low: float, high: float) -> str:
@@ -118,7 +128,7 @@ def _configuration(result: ModesResult, modes: ModeSet, parameter: str) -> Secti
 def _modes(modes: ModeSet, parameter: str, *, every: bool) -> Section:
     """Return every mode at both ends of the range, and where its damping is smallest."""
     headings = (
-        "mode", "natural first [Hz]", "last [Hz]", "damping first", "last", "smallest", f"at {parameter}",
+        "mode", "natural first [Hz]", "last [Hz]", "damping first [%]", "last [%]", "smallest [%]", f"at {parameter}",
         "states that take part",
     )  # fmt: skip
     rows = [_mode(m, modes) for m in modes.modes]
@@ -127,7 +137,7 @@ def _modes(modes: ModeSet, parameter: str, *, every: bool) -> Section:
 
 
 def _mode(mode: Mode, modes: ModeSet) -> tuple[str, ...]:
-    f, damping = mode.natural_frequency_hz, mode.damping
+    f, damping = mode.natural_frequency_hz, 100.0 * mode.damping
     known = [(float(d), float(v)) for d, v in zip(damping, modes.value, strict=True) if not math.isnan(d)]
     least, where = min(known, default=(math.nan, math.nan))
     numbers = (f[0], f[-1], damping[0], damping[-1], least, where)

@@ -153,10 +153,9 @@ def _limits(damping: Axes, frequency: Axes, result: ModesResult, chosen: Sequenc
     damping.axhspan(100.0 * low, 0.0, **UNSTABLE)
     damping.axhline(0.0, color="#444444", linewidth=0.9, zorder=2)
     damping.text(0.008, 0.03, "unstable", transform=damping.transAxes, fontsize=8.0, color="#9a4a12")
-    # Frequencies of what becomes unstable; those that are only labelled may lie elsewhere.
-    worst = [s.mode(n) for s in result.sets for n in {c.mode for c in s.critical}] or lines
-    highest = max((float(np.nanmax(m.natural_frequency_hz)) for m in worst), default=1.0)
-    lowest = min((float(np.nanmin(m.natural_frequency_hz)) for m in worst), default=0.0)
+    # Every mode that the legend names is in the picture.
+    highest = max((float(np.nanmax(m.natural_frequency_hz)) for m in lines), default=1.0)
+    lowest = min((float(np.nanmin(m.natural_frequency_hz)) for m in lines), default=0.0)
     margin = 0.15 * max(highest - lowest, 0.2 * highest, 1e-9)
     frequency.set_ylim(max(0.0, lowest - margin), highest + margin)
     values = result.sets[0].value

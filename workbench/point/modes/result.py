@@ -107,6 +107,24 @@ class ModeSet(RecordPart):
             m.number for m in self.modes if np.all(m.pole.real[~np.isnan(m.pole)] > m.uncertain[~np.isnan(m.pole)])
         )
 
+    @property
+    def reached_beyond(self) -> tuple[tuple[int, float], ...]:
+        """Number of each mode that reaches zero damping within one more step beyond an end, and about where.
+
+        The real part of its pole, stable at the end, is continued by a straight line through the last two values there.
+        """
+        if len(self.value) < 2:
+            return ()
+        result = []
+        for end, before in ((0, 1), (-1, -2)):
+            step = float(self.value[end] - self.value[before])
+            for m in self.modes:
+                real = m.pole.real
+                rise = real[end] - real[before]  # NaN, where the mode does not exist, is not above anything
+                if -m.uncertain[end] > real[end] and rise > m.uncertain[end] and real[end] + rise >= 0.0:
+                    result.append((m.number, float(self.value[end]) - step * float(real[end] / rise)))
+        return tuple(sorted(result, key=lambda one: one[1]))
+
     def relevant(self, most: int = 6) -> tuple[int, ...]:
         """Return the numbers of the modes worth a look: unstable somewhere, and at least the two with least damping.
 

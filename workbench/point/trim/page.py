@@ -13,7 +13,9 @@ __all__ = ["trim_page"]
 
 def trim_page(result: TrimResult) -> Page:
     """Return the page of an operating point: values, what is left over, directions that are open."""
-    word = "converged" if result.converged else "failed"
+    # One point of a family is an arbitrary one: that it was found does not say that it is the one that was meant.
+    found = "watch" if result.null_directions else "converged"
+    word = found if result.converged else "failed"
     return Page(
         title=f"Operating point of {result.model}",
         lead=_lead(result),

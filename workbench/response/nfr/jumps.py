@@ -12,7 +12,20 @@ from workbench.response.nfr.curve import STEEPER
 from workbench.response.nfr.point import NfrPoint
 from workbench.response.nfr.prior_knowledge import LinearStart
 
-__all__ = ["another", "disagreements", "jumps", "may_jump", "solved", "stepped_over", "unseen_peaks"]
+__all__ = [
+    "ANOTHER",
+    "MISSED",
+    "another",
+    "disagreements",
+    "jumps",
+    "may_jump",
+    "solved",
+    "stepped_over",
+    "unseen_peaks",
+]
+
+# What notes say of stable responses that were not measured; the page looks for it.
+ANOTHER, MISSED = "there is another stable response", "there is a stable response"
 
 # A change between neighbouring frequencies this large, and `STEEPER` times the changes beside it, is a jump.
 _LARGE = 0.5
@@ -212,11 +225,11 @@ def another(points: Mapping[tuple[float, float], NfrPoint], second: Sequence[Nfr
         key, other = min(beside.items())
         span = f"{key[1]:.6g}" if len(beside) == 1 else f"{key[1]:.6g} … {max(f for _, f in beside):.6g}"
         gains = f"gain {_gain(other)} besides {_gain(points[key])} of {output}"
-        what = f"{span} Hz, amplitude {key[0]:g}: there is another stable response, {gains} at {key[1]:.6g} Hz"
+        what = f"{span} Hz, amplitude {key[0]:g}: {ANOTHER}, {gains} at {key[1]:.6g} Hz"
         result.append(f"{what}; which one is reached depends on the start; `branches` shows all")
     for (amplitude, frequency), other in sorted(missed.items()):
         where = f"{frequency:.6g} Hz, amplitude {amplitude:g}"
-        result.append(f"{where}: there is a stable response of gain {_gain(other)} of {output}; `branches` shows it")
+        result.append(f"{where}: {MISSED} of gain {_gain(other)} of {output}; `branches` shows it")
     return result
 
 

@@ -13,6 +13,7 @@ from workbench.core.records.names_in_text import unit_of_ratio
 from workbench.response.branches.page import branches_table, folds_table, jumping
 from workbench.response.nfr.curve import DROP_DB, fall_of, peak_of
 from workbench.response.nfr.features import LAG_DEG
+from workbench.response.nfr.jumps import ANOTHER, MISSED
 from workbench.response.nfr.result import MISSING, NfrResult, percent
 from workbench.response.nfr.settling import NO_EFFECT
 from workbench.response.periodic.stability import NEUTRAL
@@ -28,7 +29,7 @@ _UNKNOWN = "averaged, error unknown"
 _MEANING = {
     _UNKNOWN: "not settled, error unknown: the value may be far off",
     "averaged": "not settled: the value is only as accurate as its error",
-    "settled": "the response no longer changed from period to period",
+    "settled": "solved for, or no longer changing from period to period",
     NO_EFFECT: "the input does not move the output, or only by rounding errors",
 }
 
@@ -136,8 +137,31 @@ def _summary(result: NfrResult) -> Section:
         rows.append((f"{amplitude:g}", *curve))
     if any(row[3].startswith("≥") for row in rows):
         words.append("≥: between these frequencies the gain may be higher; `bandwidth` measures there.")
+    if not measured:
+        words += filter(None, (_passed(result, i) for i in range(result.amplitude.size)))
+    if _others(result):
+        words.append("Of the responses measured; another stable response, told in a note, may have a higher gain.")
     words += _limit(result)
     return Section("Bandwidth and highest gain", paragraphs=words, tables=[PageTable(headings, rows, right=range(5))])
+
+
+def _passed(result: NfrResult, i: int) -> str:
+    """Return between which points the gain falls where that is not a bandwidth, and why it is not; "": it is one."""
+    good = np.isfinite(result.gain_db[i])
+    f, gain_db = result.frequency_hz[good], result.gain_db[i][good]
+    peak, fall = peak_of(f, gain_db), fall_of(f, gain_db, result.error[i][good])
+    resonant = peak is not None and peak.above_db > DROP_DB
+    if fall is None or not (fall.cliff or resonant):
+        return ""
+    why = "above a resonance" if resonant else "so steeply that it may jump"
+    level = f"−{DROP_DB:g} dB from {f[0]:.4g} Hz"
+    where = f"between {fall.low:.5g} and {fall.high:.5g} Hz"
+    return f"Amplitude {result.amplitude[i]:g}: the gain passes {level} {where}, {why}: that is not a bandwidth."
+
+
+def _others(result: NfrResult) -> list[str]:
+    """Return the notes that there are other stable responses than those measured."""
+    return [note for note in result.warnings if ANOTHER in note or MISSED in note]
 
 
 def _enclosed(result: NfrResult, i: int) -> tuple[str, str, str, str]:
@@ -199,6 +223,8 @@ def _verdicts(result: NfrResult) -> list[Verdict]:
         for word, meaning in _MEANING.items()
         if counts[word]
     ]
+    # What is measured is only one of the responses; which one, the start decides.
+    verdicts += [Verdict("watch", note.partition(";")[0]) for note in _others(result)]
     reasons = Counter(f.reason for f in result.failed if f.reason != MISSING)
     missing = sum(f.reason == MISSING for f in result.failed)
     if missing:

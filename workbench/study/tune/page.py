@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from workbench.show.page import Page, PageTable, Section
-from workbench.show.tables import bracketed, counted, sentence
+from workbench.show.tables import behind, bracketed, counted, sentence
 from workbench.show.verdicts import Verdict
 from workbench.study.requirements.base import Compliance, number
 
@@ -16,6 +17,10 @@ if TYPE_CHECKING:
 __all__ = ["tune_page"]
 
 _DIGITS = ".5g"
+_CAPTION = (
+    "How far each requirement is beyond its limit, before and after, and the worst of them over the search; left of 0, "
+    "or below, it is met. The scale is 6 dB or 45° for what is in dB or degrees, else the size of the limit."
+)
 
 
 def tune_page(result: TuneResult) -> Page:
@@ -36,10 +41,10 @@ def tune_page(result: TuneResult) -> Page:
             "linear models": f"{result.evaluations} evaluations",
             "analyses": f"{result.measured} measured, {result.reused} taken from the store",
         },
-        summary=[_verdict(r) for r in result.requirements],
+        summary=[*map(_verdict, result.requirements), *_bounds(result)],
         sections=[
             Section("Parameters", tables=[_parameters(result)]),
-            Section("Requirements", tables=[_requirements(result)], figures=[(result.plot, "before and after")]),
+            Section("Requirements", tables=[_requirements(result)], figures=[(result.plot, _CAPTION)]),
             *_holding(result),
             *_conflict(result),
             *_envelope(result),
@@ -56,6 +61,15 @@ def _verdict(r: TunedRequirement) -> Verdict:
     return Verdict(found.verdict, f"{_label(r)}: {found.words}")
 
 
+def _bounds(result: TuneResult) -> list[Verdict]:
+    """Return what is to be watched: a parameter at its limit might do better beyond, or the limit is the real one."""
+    return [
+        Verdict("watch", f"{p.name} = {p.value:{_DIGITS}}{behind(p.unit)} is held by its limit")
+        for p in result.parameters
+        if p.at_bound
+    ]
+
+
 def _label(r: TunedRequirement) -> str:
     return f"{r.name} ({r.at})" if r.at else r.name
 
@@ -69,7 +83,7 @@ def _parameters(result: TuneResult) -> PageTable:
         )
         for p in result.parameters
     ]  # fmt: skip
-    return PageTable(("parameter", "start", "found", "low", "high", ""), rows)
+    return PageTable(("parameter", "start", "found", "low", "high", "remark"), rows)
 
 
 def _requirements(result: TuneResult) -> PageTable:
@@ -77,11 +91,12 @@ def _requirements(result: TuneResult) -> PageTable:
     for r in result.requirements:
         found = Compliance(value=r.after, unit=r.unit, limit=r.limit, margin=r.margin, passed=r.passed)
         kinds = [*(["hard"] if r.hard else []), "linear" if r.linear else "measured"]
+        before = replace(found, value=r.before).value_words
         rows.append((
-            _label(r), number(r.before), found.value_words, found.limit_words, found.margin_words, found.verdict,
+            _label(r), before, found.value_words, found.limit_words, found.margin_words, found.verdict,
             "holds the result" if r.active else "", ", ".join(kinds),
         ))  # fmt: skip
-    headings = ("requirement", "before", "after", "limit", "margin", "verdict", "", "")
+    headings = ("requirement", "before", "after", "limit", "margin", "verdict", "remark", "kind")
     return PageTable(headings, rows, verdict=5, right=(1, 2, 4))
 
 
