@@ -344,7 +344,7 @@ def _portable(subject: object) -> bool:
 _NO_MODEL = object()
 _BY_OWN_NAMES = "workbench.model.names:by_own_names"
 _IN_OWN_UNITS = "workbench.model.names:in_own_units"
-_BEYOND_LIMITS = "workbench.model.limits:beyond_limits"
+_BEYOND_LIMITS = "workbench.model.declared_limits:beyond_limits"
 _BEHIND_A_WALL = "workbench.requests.in_worker:in_worker"  # which knows requests
 _MODELS = "model_"  # begins the name of a model's option where the request has one of that name
 _MODEL: Mapping[str, Any] = {
