@@ -336,7 +336,7 @@ def test_the_command_ends_with_0_where_no_promise_is_broken(capsys: pytest.Captu
         (["check", "fmu:Ruder"], "did you mean"),
         (["check", "fmu:Rudder", "--only", "stpe"], "'stpe' is not a check; did you mean step?"),
         (["check", "fmu:Rudder", "--skip", "drfit"], "did you mean drift?"),
-        (["check", "fmu:Rudder", "--timeout", "0"], "timeout: 0 s is not a positive number"),
+        (["check", "fmu:Rudder", "--timeout", "0"], "--timeout: 0 is not a positive number"),
         (["check", "fmu:Rudder", "--set", "nosuch=1"], "the model has no variable 'nosuch'"),
         (["check", "fmu:Rudder", "--step", "-1"], "step: -1 is not a positive number"),
         (["check", "fmu:Rudder", "--report", "card.txt"], "--report"),

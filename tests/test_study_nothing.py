@@ -90,6 +90,14 @@ def test_the_schema_refuses_what_the_program_refuses(good: dict[str, Any], wrong
     assert not validator.is_valid(_study(**wrong))
 
 
+@pytest.mark.parametrize("limit", ["timeout", "memory-limit"])
+@pytest.mark.parametrize(("value", "valid"), [(5, True), (0.5, True), (0, False), (-1, False)])
+def test_limits_of_time_and_memory_are_positive(limit: str, value: float, valid: bool) -> None:
+    data = _study(kind="damping", min=0.1)
+    data["analyses"]["a"] |= {"command": "simulate", limit: value}
+    assert jsonschema.Draft202012Validator(schema("study")).is_valid(data) == valid
+
+
 def test_the_schema_of_a_system_refuses_a_misspelt_key_of_a_connection() -> None:
     validator = jsonschema.Draft202012Validator(schema("system"))
 

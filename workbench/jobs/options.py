@@ -89,11 +89,12 @@ class Worker(Options):
     timeout: float | None = option(
         "Time limit for one result, as a point of a sweep or a run [s]; inf for no limit.",
         metavar="S",
+        positive=True,
         infinite=True,
         default=DEFAULT_TIMEOUT,
     )
     memory_limit: float | None = option(
-        "Memory that an FMU may allocate (Linux).", unit="MB", metavar="MB", infinite=True, default=None
+        "Memory that an FMU may allocate (Linux).", unit="MB", metavar="MB", positive=True, infinite=True, default=None
     )
     confine: bool = option(
         "Keep the FMU from networks, and from writing files outside its own temporary folder; refused where the "

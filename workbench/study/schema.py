@@ -120,7 +120,7 @@ def _limits(kind: type[Requirement]) -> dict[str, Any]:
         return {"oneOf": bars}
     if not issubclass(kind, Limited):
         return {}
-    number = {"properties": {"equal": {"type": "number"}}, "required": ["equal"]}
+    number = {"properties": {"equal": {"type": "number", "description": meaning(kind, "equal")}}, "required": ["equal"]}
     return {"anyOf": given, "if": number, "then": {"anyOf": bars}}
 
 

@@ -240,7 +240,7 @@ class DeclaredOption:
                 raise ValueError(f"{x!r} is not a number")
             if self.type is int and not isinstance(x, Integral):
                 raise ValueError(f"{x!r} is not a whole number")
-            if self.option.positive and not 0.0 < x < math.inf:
+            if self.option.positive and not (x > 0.0 and (x < math.inf or self.option.infinite)):
                 raise ValueError(f"{x:g} is not a positive number")
             if self.option.below is not None and not x < self.option.below:
                 raise ValueError(f"{x:g} is too large; it must be below {self.option.below:g}")

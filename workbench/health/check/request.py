@@ -27,7 +27,7 @@ class _Patient(Workers):
 
     scheduler: str | None = option("Not for checks.", default=None, python=True)
     timeout: float | None = option(
-        "Time limit for one check [s]; inf for no limit.", metavar="S", infinite=True, default=_PATIENCE
+        "Time limit for one check [s]; inf for no limit.", metavar="S", positive=True, infinite=True, default=_PATIENCE
     )
 
 
