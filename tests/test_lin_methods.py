@@ -321,4 +321,4 @@ def test_the_picture_of_a_linear_model_shows_what_is_large_and_moves() -> None:
     # |1/(jω + 1)³| is 80 dB below the gain at 0 where ω is 10^(80/60).
     assert gain.get_xlim()[1] == pytest.approx(10.0 ** (80.0 / 60.0) / (2.0 * math.pi), rel=0.1)
     # 1 − e^{−t}(1 + t + t²/2) is within 1 % of its end at 8.4 s; the slow pole's 5 time constants are 500 s.
-    assert 8.0 < step.lines[0].get_xdata()[-1] < 15.0
+    assert 8.0 < float(np.asarray(step.lines[0].get_xdata(), dtype=np.float64)[-1]) < 15.0

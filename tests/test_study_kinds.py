@@ -582,7 +582,7 @@ def test_the_picture_of_a_step_tells_final_value_and_limit_apart_and_marks_where
     assert set(lines) == {"y", "final value", "limit", "limit violated"}
     final, limit = lines["final value"], lines["limit"]
     assert (final.get_linestyle(), final.get_color()) != (limit.get_linestyle(), limit.get_color())
-    assert np.ravel(lines["limit violated"].get_data()).tolist() == [1.0, 1.3]
+    assert np.ravel(lines["limit violated"].get_xydata()).tolist() == [1.0, 1.3]
     settling = plot_step(time, values, band=("± 2 % of the step", 0.02), times={"settled": 2.9, "limit": 3.5}, **style)
     (legend,) = settling.legends
     assert [text.get_text() for text in legend.get_texts()].count("± 2 % of the step") == 1
@@ -601,7 +601,7 @@ def test_the_limit_of_a_settling_time_is_drawn_where_it_is_whatever_its_unit(uni
     assert isinstance(requirement, SettlingTime)
     ax = _step(requirement, record, "title", requirement.find([record])).axes[0]
     lines = {str(line.get_label()): line for line in ax.lines}
-    assert lines["limit"].get_xdata()[0] == pytest.approx(0.5)
-    assert lines["settled"].get_xdata()[0] == pytest.approx(math.log(50.0), rel=1e-3)
-    x, y = np.ravel(lines["limit violated"].get_data())
+    assert np.asarray(lines["limit"].get_xdata(), dtype=np.float64)[0] == pytest.approx(0.5)
+    assert np.asarray(lines["settled"].get_xdata(), dtype=np.float64)[0] == pytest.approx(math.log(50.0), rel=1e-3)
+    x, y = np.ravel(lines["limit violated"].get_xydata())
     assert (x, y) == pytest.approx((math.log(50.0), 0.98), rel=1e-2)

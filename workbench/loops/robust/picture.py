@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["plot_robust"]
 
-_NOTHING = 1e-3  # a lower bound below it says that nothing was found, and would be a dot on the axis
+_NOTHING = 0.01  # a lower bound below it is of sets beyond a hundred times the ranges: a dot on the axis
 
 
 def plot_robust(result: RobustResult) -> Figure:
