@@ -6,6 +6,7 @@ import itertools
 import json
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from workbench.core.values.arrays import Floats
 from workbench.data.excite.signals import parse_design
 from workbench.errors import InputError, SimulationError
 from workbench.identification.calibrate.noise import LOSSES, ColouredNoise, Segments, estimated
-from workbench.identification.calibrate.problem import CalibrationProblem
+from workbench.identification.calibrate.problem import CalibrationProblem, Gradient
 from workbench.identification.calibrate.request import Calibrate
 from workbench.identification.calibrate.run import run as calibrate_run
 from workbench.identification.calibrate.search import Estimate, search
@@ -560,3 +561,22 @@ def test_regions_of_data_without_noise_hold_the_truth() -> None:
             told += any("the integration leaves more than the noise does" in note for note in found.notes)
     assert held == 30
     assert told > 0
+
+
+@pytest.mark.parametrize("others", [1, 2])
+def test_a_derivative_whose_runs_failed_is_not_no_effect(monkeypatch: pytest.MonkeyPatch, others: int) -> None:
+    """Where no run beside the values comes to its end, they are not the estimate, nor what data cannot tell."""
+    known = CalibrationProblem.gradient
+
+    def gradient(self: CalibrationProblem, z: Floats, *, central: bool) -> Gradient:
+        found = known(self, z, central=central)
+        return replace(found, y=tuple(0.0 * one for one in found.y), failed=(0,))
+
+    monkeypatch.setattr(CalibrationProblem, "gradient", gradient)
+    if others == 1:
+        with pytest.raises(SimulationError, match="runs beside the estimate failed: what tau does there is not known"):
+            calibrated(record(noisy()))
+        return
+    found = calibrated(record(noisy()), free={"tau": (0.1, 10.0), "x": (-1.0, 1.0)})
+    assert not found.converged
+    assert found.reason == "runs beside the estimate failed: what tau does there is not known"

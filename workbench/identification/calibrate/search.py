@@ -105,9 +105,7 @@ def search(problem: CalibrationProblem, request: Calibrate, reached: Callable[[E
             first = other
             notes.append(f"start {number} of {count} led to a better fit than those before it")
     if first is None:
-        reason = place.failed.most_common(1)[0][0]
-        kind = place.lost.get(reason, SimulationError)
-        raise kind(f"the model cannot be run at the start values, nor at {count} others: {reason}")
+        raise _lost(problem, f"the model cannot be run at the start values, nor at {count} others")
     return replace(_refined(problem, first, request, reached), notes=tuple(notes))
 
 
@@ -177,7 +175,20 @@ def _refined(
             break
     problem = problem.with_noise(_noise(problem, ended.z, request))
     gradient = problem.gradient(ended.z, central=True)
-    return Estimate(problem, ended.z, gradient, _REASONS[ended.status], ended.status > 0)
+    reason, converged = _REASONS[ended.status], ended.status > 0
+    if gradient.failed:
+        names = ", ".join(problem.quantities[k].name for k in gradient.failed)
+        reason, converged = f"runs beside the estimate failed: what {names} does there is not known", False
+        if len(gradient.failed) == len(ended.z):
+            raise _lost(problem, reason)
+    return Estimate(problem, ended.z, gradient, reason, converged)
+
+
+def _lost(problem: CalibrationProblem, words: str) -> SimulationError:
+    """Return the error of runs that failed, of the kind that most of them had."""
+    place = problem.runs.place
+    reason = place.failed.most_common(1)[0][0] if place.failed else ""
+    return place.lost.get(reason, SimulationError)(": ".join(filter(None, [words, reason])))
 
 
 def _noise(problem: CalibrationProblem, z: Floats, request: Calibrate) -> ColouredNoise:
