@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ from workbench.identification.calibrate.noise import LOSSES, ColouredNoise, Segm
 from workbench.identification.calibrate.problem import CalibrationProblem, Gradient
 from workbench.identification.calibrate.request import Calibrate
 from workbench.identification.calibrate.run import run as calibrate_run
+from workbench.identification.calibrate.runs import ModelRuns
 from workbench.identification.calibrate.search import Estimate, search
 from workbench.jobs.job import Job
 
@@ -580,3 +581,23 @@ def test_a_derivative_whose_runs_failed_is_not_no_effect(monkeypatch: pytest.Mon
     found = calibrated(record(noisy()), free={"tau": (0.1, 10.0), "x": (-1.0, 1.0)})
     assert not found.converged
     assert found.reason == "runs beside the estimate failed: what tau does there is not known"
+
+
+def test_runs_that_share_steps_are_not_believed_where_events_make_them_differ(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A difference by a step of 3e-8 is noise where an event that falls elsewhere moves the outputs by 1e-7."""
+    known, rng = ModelRuns.together, np.random.default_rng(4)
+
+    def together(self: ModelRuns, points: Sequence[Floats]) -> list[list[Floats | None]] | None:
+        found = known(self, points)
+        return found and [[None if y is None else y + 1e-7 * rng.normal(size=y.shape) for y in one] for one in found]
+
+    monkeypatch.setattr(ModelRuns, "together", together)
+    found = calibrated(record(lag(TAU)), {"tau": (0.1, 10.0)})
+    assert found.parameters[0].value == pytest.approx(TAU, rel=1e-6)
+    assert found.parameters[0].identifiable
+
+
+def test_a_search_on_its_way_is_not_explained_away_as_coloured_noise() -> None:
+    """Data without noise: what a search has left is smooth, and its prediction by itself nearly exact."""
+    found = calibrated(record(lag(TAU) + 1e-9 * np.random.default_rng(6).normal(size=len(U))), {"tau": (0.1, 10.0)})
+    assert found.parameters[0].value == pytest.approx(TAU, rel=1e-7)

@@ -212,6 +212,10 @@ def estimated(
     return ColouredNoise(sigma, colours, given=all(name in given for name in names))
 
 
+# What leaves less than this part of its power is no noise, and its covariance has no inverse in numbers.
+_FORESEEN = 1e-6
+
+
 def _burg(pieces: Sequence[Floats]) -> Floats:
     """Return the coefficients a by Burg's method over all pieces, stable; the order has the least BIC, 0 if white.
 
@@ -222,13 +226,15 @@ def _burg(pieces: Sequence[Floats]) -> Floats:
     count = sum(map(len, forward))
     power = sum(float(f @ f) for f in forward) / count
     a = best = np.zeros(0)
-    least = count * math.log(power or 1.0)
+    whole, least = power, count * math.log(power or 1.0)
     for order in range(1, min(_MOST_ORDER, count // _PER_ORDER) + 1):
         both = [(f[1:], b[:-1]) for f, b in zip(forward, backward, strict=True) if len(f) > 1]
         below = sum(float(f @ f + b @ b) for f, b in both)
         if not below > 0.0:
             break
         k = 2.0 * sum(float(f @ b) for f, b in both) / below
+        if power * (1.0 - k**2) < _FORESEEN * whole:
+            break
         a = np.append(a - k * a[::-1], k)
         power *= 1.0 - k**2
         forward, backward = [f - k * b for f, b in both], [b - k * f for f, b in both]

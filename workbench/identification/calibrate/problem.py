@@ -24,6 +24,7 @@ _UNSURE = 0.1  # error of a derivative, relative: from here on other steps are t
 _OTHER = 10.0  # times the step, and one over it
 _ROOM = 0.1  # of a step, between a coordinate and its limit
 _GROWN = 1e100  # standard deviations
+_WIDER, _ALIKE = 30.0, 0.05  # a wider step, and how far (relative) derivatives by it may be off
 _ROUNDING = 1e-14  # relative error of differences of runs that share their steps
 _LEAST = 1e-10  # relative error of a run that is assumed at least
 _STEPPED = 1e-6  # likewise of a co-simulation, whose integration is its own
@@ -95,8 +96,9 @@ class CalibrationProblem:
 
         The step follows from the error ε of a difference: √ε to one side, ∛ε to both (Press et al., Numerical Recipes,
         section 5.7), in coordinates in which a step of 1 is large. Runs that share their steps differ by rounding
-        alone; where there are none, ε is the tolerance of a run. Where the second difference says that a derivative
-        which counts is poor, steps ten times larger and smaller are tried, and the best is taken.
+        alone; where there are none, or events on the way make them differ by more, ε is the tolerance of a run. Where
+        the second difference says that a derivative which counts is poor, steps ten times larger and smaller are tried,
+        and the best is taken.
 
         Args:
             z: coordinates.
@@ -106,7 +108,7 @@ class CalibrationProblem:
             SimulationError: the model cannot be run there.
         """
         power = 1.0 / 3.0 if central else 0.5
-        found = self._differences(z, _ROUNDING**power, self.runs.together, central=central)
+        found = self._of_shared_steps(z, _ROUNDING**power, central=central)
         step = max(self.rtol or _STEPPED, _LEAST) ** power
         for factor in (1.0, _OTHER, 1.0 / _OTHER):
             unsure = np.ones(len(z), dtype=np.bool_) if found is None else self._unsure(found)
@@ -121,6 +123,18 @@ class CalibrationProblem:
         if found is None:
             raise SimulationError("the model cannot be run here")
         return found
+
+    def _of_shared_steps(self, z: Floats, step: float, *, central: bool) -> Gradient | None:
+        """Return the derivatives by runs that share their steps; None: there are none, or they depend on the step."""
+        found, place = self._differences(z, step, self.runs.together, central=central), self.runs.place
+        if found is None or place.checked:
+            return found
+        place.checked = True
+        wider = self._differences(z, _WIDER * step, self.runs.together, central=central)
+        if wider is not None and np.all(_apart(found, wider) <= _ALIKE):
+            return found
+        place.joint = None  # an event falls elsewhere by more than such a step moves the outputs
+        return None
 
     def _unsure(self, found: Gradient) -> Flags:
         """Return which derivatives are poor, and are of a parameter that the data may tell."""
@@ -164,6 +178,14 @@ def _slopes(base: Floats, moved: Sequence[Floats | None], chosen: NDArray[np.int
     for k, y in zip(chosen, moved, strict=True):
         result[..., k] = np.nan if y is None or not np.all(np.isfinite(y)) else (y - base) / steps[k]
     return result
+
+
+def _apart(one: Gradient, other: Gradient) -> Floats:
+    """Return how far two derivatives by each coordinate are apart, relative to the larger, shape (q,)."""
+    sizes = [np.sqrt(sum(np.sum(part**2, axis=(0, 1)) for part in g.y)) for g in (one, other)]
+    between = np.sqrt(sum(np.sum((a - b) ** 2, axis=(0, 1)) for a, b in zip(one.y, other.y, strict=True)))
+    largest = np.maximum(*sizes)
+    return np.asarray(np.divide(between, largest, out=np.zeros_like(between), where=largest > 0.0))
 
 
 def _relative(gradient: Gradient) -> Floats:

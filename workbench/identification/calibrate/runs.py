@@ -138,6 +138,7 @@ class RunPlace:
         failed: reason → runs.
         lost: of them, where the process ended: reason → how.
         start: where the first run began; None: none was made.
+        checked: whether derivatives by joint runs were compared with those by a wider step.
     """
 
     model: Model
@@ -152,6 +153,7 @@ class RunPlace:
     failed: Counter[str] = field(default_factory=Counter)
     lost: dict[str, type[LostError]] = field(default_factory=dict)
     start: OperatingPoint | None = None
+    checked: bool = False
 
 
 class ModelRuns:

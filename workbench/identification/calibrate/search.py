@@ -165,14 +165,20 @@ def descent(
 def _refined(
     problem: CalibrationProblem, ended: DescentEnd, request: Calibrate, reached: Callable[[Estimate], None]
 ) -> Estimate:
-    """Return the search continued, the noise estimated anew until nothing moves."""
+    """Return the search continued, the noise estimated anew until nothing moves.
+
+    Until then the noise is white: the colour of what a search has left on its way would explain the misfit away.
+    """
+    white = True
     for number in range(_ROUNDS):
         problem.runs.place.doing = f"noise and parameters in turn, round {number + 1}"
-        problem, before = problem.with_noise(_noise(problem, ended.z, request)), ended.z
+        problem, before = problem.with_noise(_noise(problem, ended.z, request, white=white)), ended.z
         ended = descent(problem, before, request, slopes=ended.slopes, reached=reached) or ended
         moved = np.linalg.norm(ended.J @ (ended.z - before))
-        if ended.status == 0 or (number > 0 and moved < _STILL * np.sqrt(len(before))):
+        rests = moved < _STILL * np.sqrt(len(before))
+        if ended.status == 0 or (rests and not white):
             break
+        white = white and not rests and number < _ROUNDS // 2
     problem = problem.with_noise(_noise(problem, ended.z, request))
     gradient = problem.gradient(ended.z, central=True)
     reason, converged = _REASONS[ended.status], ended.status > 0
@@ -191,11 +197,11 @@ def _lost(problem: CalibrationProblem, words: str) -> SimulationError:
     return place.lost.get(reason, SimulationError)(": ".join(filter(None, [words, reason])))
 
 
-def _noise(problem: CalibrationProblem, z: Floats, request: Calibrate) -> ColouredNoise:
+def _noise(problem: CalibrationProblem, z: Floats, request: Calibrate, *, white: bool = False) -> ColouredNoise:
     rest = problem.difference(z)
     if rest is None:
         return problem.noise
     return estimated(
-        rest, problem.segments, fitted=len(z), colour=request.noise == "auto", given=dict(request.weights or {}),
-        robust=request.loss != "gauss",
+        rest, problem.segments, fitted=len(z), colour=request.noise == "auto" and not white,
+        given=dict(request.weights or {}), robust=request.loss != "gauss",
     )  # fmt: skip
