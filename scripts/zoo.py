@@ -364,7 +364,7 @@ def _judged(subject: Subject, ours: dict[str, Any], theirs: oracle.Run) -> tuple
 
 
 def _compared(ours: dict[str, Any], theirs: oracle.Run, asked: oracle.Asked) -> tuple[str, str]:
-    """Compare at our points but the events, which FMPy is not asked to record; at a jump each side of it will do.
+    """Compare at our points on its grid but the events, which FMPy is not asked to record; at a jump each side of it will do.
 
     Where an FMU ends both runs with a step of an integrator, the step decides when.
     """
@@ -375,7 +375,8 @@ def _compared(ours: dict[str, Any], theirs: oracle.Run, asked: oracle.Asked) -> 
     if abs(at[-1] - when[-1]) > max(1.5 * step, ENDS * (asked.stop - asked.start) if early else 0.0):
         return "disagrees", f"it ends at {when[-1]:g} s, FMPy's run at {at[-1]:g} s"
     twice = np.append(np.diff(when) == 0.0, False) | np.append(False, np.diff(when) == 0.0)
-    common = (when <= at[-1]) & ~twice
+    steps = (when - asked.start) / step
+    common = (when <= at[-1]) & ~twice & (np.abs(steps - np.round(steps)) <= 1e-6)
     worst, name = 0.0, ""
     for signal in sorted(set(ours["signals"]) & set(theirs.signals)):
         y, truth = np.array(ours["signals"][signal], dtype=float)[common], theirs.signals[signal]

@@ -118,8 +118,8 @@ def test_the_commands_show_one_frequency(tmp_path: Path, capsys: pytest.CaptureF
     page = str(tmp_path / "page.html")
     assert run(["modes", fmu, "--vary", "damper.d=10,120", "--json", out, "--report", page]) == 0
     told = " ".join(capsys.readouterr().out.split())
-    assert "mode natural first [Hz] last [Hz] damping first last" in told
-    assert "1 15.92 15.92 0.05 0.6" in told
+    assert "mode natural first [Hz] last [Hz] damping first [%] last [%]" in told
+    assert "1 15.92 15.92 5 60" in told
     (found,) = json.loads(Path(out).read_text(encoding="utf-8"))["sets"]
     assert found["natural_frequency_hz"][0] == pytest.approx([100.0 / 2.0 / np.pi] * 2, rel=1e-6)
     assert found["frequency_hz"][0][1] == pytest.approx(80.0 / 2.0 / np.pi, rel=1e-6)

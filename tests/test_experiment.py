@@ -138,7 +138,7 @@ def test_of_two_rows_at_an_event_the_later_one_counts(tmp_path: Path) -> None:
     text = "time,y,u\n0,0,0\n1,0,0\n1,0,5\n2,3,5\n"
     data = read_experiment(write(tmp_path / "sim.csv", text), inputs=["u"], outputs=["y"])
     assert data.u[:, 0].tolist() == [0.0, 5.0, 5.0]
-    assert any("events" in note for note in data.notes)
+    assert any("appears twice with other values (an event)" in note for note in data.notes)
 
 
 def test_rounded_times_are_put_on_their_grid_with_a_note() -> None:

@@ -287,7 +287,7 @@ def test_a_packed_recipe_needs_no_file() -> None:
             "component a: the StateSpace is discrete",
         ),
         ({"a": 1.0, "b": 2.0}, [("a.y", "b.u", {"gian": 2.0})], "'gian' is not an option; did you mean gain"),
-        ({"a": 1.0, "b": 2.0}, [("a.y",)], 'give \\("component.output", "component.input"\\)'),
+        ({"a": 1.0, "b": 2.0}, [("a.y",)], r"give pairs \(source, destination\)"),
         ({"a": 1.0, "b": 2.0}, [("a.yy", "b.u")], "a.yy → b.u"),
         ({"a": 1.0, "b": 2.0}, [("a.y", "b.u"), ("b.y", "b.u")], "b.u has two sources"),
     ],

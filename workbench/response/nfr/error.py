@@ -37,8 +37,8 @@ __all__ = [
 # largest of 30 resonances with both solvers at 1e-4 … 1e-8 was 73.
 _INTEGRATION = 100.0
 
-# Those periods had about so many steps: light modes much faster than the sine make thousands of a period.
-_STEPS = 100.0
+# Those periods had up to so many steps: light modes much faster than the sine make thousands of a period.
+_STEPS = 300.0
 
 # The integration gets the sum of terms that cancel wrong by less than so many relative tolerances of the terms: the
 # largest of 48 runs at 12 zeros of transmission, with both solvers at 1e-6 and 1e-8, was 17.

@@ -32,10 +32,10 @@ function resolved(schema, held) {
   return held?.$ref ? held.$ref.replace("#/", "").split("/").reduce((s, key) => s[key], schema) : held;
 }
 
-/** All tables that a place can be, each with properties: branches of anyOf are taken apart. */
+/** All tables that a place can be, each with properties: branches of anyOf are taken apart; beside properties they are conditions. */
 function branches(schema, held) {
   const own = resolved(schema, held);
-  return own?.anyOf ? own.anyOf.flatMap((h) => branches(schema, h)) : own ? [own] : [];
+  return own?.anyOf && !own.properties ? own.anyOf.flatMap((h) => branches(schema, h)) : own ? [own] : [];
 }
 
 function bare(value) {
