@@ -364,7 +364,7 @@ def _judged(subject: Subject, ours: dict[str, Any], theirs: oracle.Run) -> tuple
 
 
 def _compared(ours: dict[str, Any], theirs: oracle.Run, asked: oracle.Asked) -> tuple[str, str]:
-    """Compare at our points on its grid but the events, which FMPy is not asked to record; at a jump each side of it will do.
+    """Compare at our points on its grid, not at events, which FMPy does not record; at a jump each side of it will do.
 
     Where an FMU ends both runs with a step of an integrator, the step decides when.
     """

@@ -85,7 +85,9 @@ def test_a_wrong_name_in_a_file_is_told(tmp_path: Path) -> None:
     file.write_text("time,u\n0,first\n1,secnd\n")
     with (
         wb.load(build_reference(tmp_path, "feedthrough", 2)) as model,
-        pytest.raises(InputError, match=r"u\.csv: line 3: 'secnd' is not a value that the input can have; did you mean second"),
+        pytest.raises(
+            InputError, match=r"u\.csv: line 3: 'secnd' is not a value that the input can have; did you mean second"
+        ),
     ):
         wb.simulate(model, stop=0.1, inputs={OPTION: str(file)})
 

@@ -192,7 +192,10 @@ WRONG: dict[str, tuple[Callable[[Rows], Rows], str]] = {
     "no headings": (lambda rows: rows[1:], "has no line of headings"),
     "no rows": (lambda rows: rows[:1], "has no row below its headings"),
     "time that is none": (lambda rows: [["time [m]", "y", "f"], *rows[1:]], "do not convert to s"),
-    "decimal commas": (lambda rows: [[c.replace(".", ",") for c in r] for r in rows], "6 cells below 3 headings; decimals follow a point"),
+    "decimal commas": (
+        lambda rows: [[c.replace(".", ",") for c in r] for r in rows],
+        "6 cells below 3 headings; decimals follow a point",
+    ),
 }
 
 
