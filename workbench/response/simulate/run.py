@@ -373,6 +373,9 @@ def _points(
     return np.append(at[at < stop - 1e-9 * interval], stop)
 
 
+_ROUNDING = 8.0 * np.finfo(float).eps  # of the largest value: both sides of a knot of straight lines
+
+
 def _same(a: Floats, b: Floats) -> NDArray[np.bool_]:
     return np.asarray((a == b) | (np.isnan(a) & np.isnan(b)), dtype=np.bool_)
 
@@ -424,10 +427,11 @@ def _at_points(record: Recorded, start: float, points: Floats, end: Sequence[flo
 
 
 def _without_twins(record: Recorded) -> Recorded:
-    """Leave out each row that is the one before it to the last digit: an event at which nothing recorded changes."""
+    """Leave out each row that is the one before it, but for rounding: an event at which nothing recorded changes."""
     twin = record.time[1:] == record.time[:-1]
     for column in (*record.values.values(), *record.inputs.values()):
-        twin &= _same(column[1:], column[:-1])
+        rounding = _ROUNDING * float(np.nanmax(np.abs(column), initial=0.0))
+        twin &= _same(column[1:], column[:-1]) | (np.abs(column[1:] - column[:-1]) <= rounding)
     if not twin.any():
         return record
     keep = np.append(True, ~twin)
