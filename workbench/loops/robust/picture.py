@@ -52,13 +52,15 @@ def _mu(ax: Axes, result: RobustResult) -> None:
             f, np.where(np.isfinite(upper), upper, np.nan), color=COLOURS[0], linewidth=1.5, label="upper bound"
         )
         known = lower > _NOTHING
-        ax.semilogx(f[known], lower[known], ".", color=COLOURS[2], markersize=5, label="lower bound")
-        log_axis(ax, float(f[0]), float(f[-1]))
+        if known.any():
+            ax.semilogx(f[known], lower[known], ".", color=COLOURS[2], markersize=5, label="lower bound")
     worst = result.stability.worst
     if worst.unstable and worst.frequency_hz > 0.0:
         ax.semilogx(
             [worst.frequency_hz], [1.0 / worst.size], "o", color=COLOURS[1], markersize=6, label="unstable set found"
         )
+    if len(f):  # after all that is drawn on a logarithmic axis
+        log_axis(ax, float(f[0]), float(f[-1]))
     top = max(1.25, 1.1 * float(np.nanmax(np.where(np.isfinite(upper), upper, np.nan), initial=0.0)))
     ax.axhspan(1.0, top, **UNSTABLE)
     ax.axhline(1.0, **AXIS)
