@@ -277,8 +277,8 @@ class Settling:
         size = abs(fundamental(mean))
         spread = scatter / size if size > 0.0 else math.inf
         last = self.periods[-1]
-        error = error_of_mean(limit, abs(last.drive), of_limit.error, self.evidence)
-        error += quadrature(mean, self.evidence.over(last))
+        evidence = self.evidence.over(last)
+        error = error_of_mean(limit, abs(last.drive), of_limit.error, evidence) + quadrature(mean, evidence)
         if outcome is SettlingOutcome.SETTLED and not self.evidence.sampled and spread > self._at_rest():
             error = math.inf
         return self._response(mean, SettlingOutcome.SCATTERED if spread > 1.0 else outcome, spread, error)

@@ -260,8 +260,7 @@ def levelled(periods: Floats) -> Floats:
     """
     rise, result = drift(periods), periods.copy()
     result[:, 0] -= rise * np.arange(1.0 - len(periods), 1.0)
-    result[:, 1::2] += rise * _RAMP / np.arange(1.0, (periods.shape[1] + 1) // 2)
-    return result
+    return _without_ramp(result, rise)
 
 
 def rise_of(periods: Floats, weights: Floats) -> float:
@@ -269,10 +268,15 @@ def rise_of(periods: Floats, weights: Floats) -> float:
     return float(weights @ (periods[-1 : -weights.size - 1 : -1, 0] - periods[-2 : -weights.size - 2 : -1, 0]))
 
 
+def _without_ramp(harmonics: Floats, rise: float) -> Floats:
+    """Take out of the in-phase parts, in place, what a ramp that rises by so much in a period leaves there."""
+    harmonics[..., 1::2] += rise * _RAMP / np.arange(1.0, (harmonics.shape[-1] + 1) // 2)
+    return harmonics
+
+
 def weigh(periods: Floats, weights: Floats) -> Floats:
     """Weigh the last periods, newest first, and take out what a ramp leaves in the in-phase parts."""
     newest_first = periods[::-1]
     n = weights.size
     harmonics: Floats = weights @ newest_first[:n]
-    harmonics[1::2] += rise_of(periods, weights) * _RAMP / np.arange(1.0, (harmonics.size + 1) // 2)
-    return harmonics
+    return _without_ramp(harmonics, rise_of(periods, weights))
