@@ -31,6 +31,7 @@ from workbench.response.nfr.communication_step import (
     wider,
 )
 from workbench.response.nfr.error import Evidence, of_integration
+from workbench.response.nfr.jumps import ANOTHER
 from workbench.response.nfr.own_motion import OWN
 from workbench.response.nfr.own_solver import hidden, own_step
 from workbench.response.nfr.period_solver import NotSolvedError, Search, can_solve, solve_point
@@ -313,7 +314,7 @@ def _with(point: NfrPoint, solved: Sequence[NfrPoint]) -> NfrPoint:
     if other is None:
         return point
     gain, phase = cmath.polar(other.response or 0.0)
-    kind = "an unstable" if other.stable is False else "another stable" if other.stable else "another"
+    kind = "an unstable" if other.stable is False else ANOTHER if other.stable else "another"
     words = f"there is {kind} periodic response of gain {gain:.6g}"
     if other.stable is not False:
         known = point.error is not None and point.reason is None

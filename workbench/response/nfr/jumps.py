@@ -25,7 +25,7 @@ __all__ = [
 ]
 
 # What notes say of stable responses that were not measured; the page looks for it.
-ANOTHER, MISSED = "there is another stable response", "there is a stable response"
+ANOTHER, MISSED = "another stable", "there is a stable response"
 
 # A change between neighbouring frequencies this large, and `STEEPER` times the changes beside it, is a jump.
 _LARGE = 0.5
@@ -225,7 +225,7 @@ def another(points: Mapping[tuple[float, float], NfrPoint], second: Sequence[Nfr
         key, other = min(beside.items())
         span = f"{key[1]:.6g}" if len(beside) == 1 else f"{key[1]:.6g} … {max(f for _, f in beside):.6g}"
         gains = f"gain {_gain(other)} besides {_gain(points[key])} of {output}"
-        what = f"{span} Hz, amplitude {key[0]:g}: {ANOTHER}, {gains} at {key[1]:.6g} Hz"
+        what = f"{span} Hz, amplitude {key[0]:g}: there is {ANOTHER} response, {gains} at {key[1]:.6g} Hz"
         result.append(f"{what}; which one is reached depends on the start; `branches` shows all")
     for (amplitude, frequency), other in sorted(missed.items()):
         where = f"{frequency:.6g} Hz, amplitude {amplitude:g}"
