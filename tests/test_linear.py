@@ -277,20 +277,48 @@ def test_python_control_has_the_names_without_dots() -> None:
 # -- threads -------------------------------------------------------------------------------------
 
 
-def test_one_thread_is_one_of_libraries_loaded_since_the_last_time_too() -> None:
+def _threads(code: str) -> list[list[int]]:
+    """Return the numbers of BLAS threads where code in a process of its own appends `now()` to `found`."""
     code = (
-        "import numpy, sys; from workbench.core.machine.blas import one_thread\n"
-        "with one_thread(): assert 'scipy.linalg' not in sys.modules\n"
-        "import scipy.linalg, threadpoolctl\n"
-        "with one_thread():\n"
-        "    found = [a['num_threads'] for a in threadpoolctl.threadpool_info() if a['user_api'] == 'blas']\n"
-        "print(found)"
+        "import json, numpy, sys, threadpoolctl; from workbench.core.machine.blas import one_thread\n"
+        "def now(): return [a['num_threads'] for a in threadpoolctl.threadpool_info() if a['user_api'] == 'blas']\n"
+        f"found = []\n{code}\nprint(json.dumps(found))"
     )
     environment = {k: v for k, v in os.environ.items() if not k.endswith("_NUM_THREADS")}
     told = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
-    found = json.loads(told.stdout)
+    found: list[list[int]] = json.loads(told.stdout)
+    return found
+
+
+def test_one_thread_is_one_of_libraries_loaded_since_the_last_time_too() -> None:
+    code = (
+        "with one_thread(): assert 'scipy.linalg' not in sys.modules\n"
+        "import scipy.linalg\n"
+        "with one_thread(): found.append(now())"
+    )
+    (found,) = _threads(code)
     assert found
     assert set(found) == {1}
+
+
+def test_one_thread_is_one_of_libraries_loaded_within_too() -> None:
+    code = (
+        "with one_thread():\n"
+        "    import scipy.linalg\n"
+        "    with one_thread(): found.append(now())\n"
+        "    found.append(now())\n"
+    )
+    assert [set(found) for found in _threads(code)] == [{1}, {1}]
+
+
+def test_threads_are_given_back_by_the_last_of_contexts_that_overlap() -> None:
+    code = (
+        "threadpoolctl.threadpool_limits(2)\n"
+        "first, second = one_thread(), one_thread()\n"
+        "for enter in (first, second): enter.__enter__()\n"
+        "for leave in (first, second): leave.__exit__(None, None, None); found.append(now())"
+    )
+    assert [set(found) for found in _threads(code)] == [{1}, {2}]
 
 
 def test_a_mean_of_slow_samples_has_an_effect() -> None:

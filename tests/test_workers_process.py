@@ -10,6 +10,7 @@ import threading
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -170,9 +171,8 @@ def test_a_worker_that_cannot_be_started_is_one_line_and_leaves_nothing(
 def test_an_fmu_that_writes_into_every_file_does_not_wait_for_a_worker_that_its_own_began() -> None:
     """Nobody reads what is written into a lifeline: a pipe that is full would hold the FMU for ever."""
     worker = WorkerProcess()
-    theirs = {file.readlink() for file in Path(f"/proc/{worker.pid}/fd").iterdir()}
-    pipes = {file for file in theirs if file.name.startswith("pipe:")}
-    lifelines = [int(file.name) for file in _open_files() if file.readlink() in pipes]
+    pipes = {opened for opened in _open_files(worker.pid).values() if opened.name.startswith("pipe:")}
+    lifelines = [number for number, opened in _open_files(os.getpid()).items() if opened in pipes]
     assert lifelines
     for file in lifelines:
         assert not os.get_blocking(file)
@@ -181,8 +181,13 @@ def test_an_fmu_that_writes_into_every_file_does_not_wait_for_a_worker_that_its_
     worker.kill()
 
 
-def _open_files() -> list[Path]:
-    return [file for file in Path("/proc/self/fd").iterdir() if os.path.lexists(file)]
+def _open_files(pid: int) -> dict[int, Path]:
+    """Return what a process has open, by its number; it may close something meanwhile."""
+    result = {}
+    for file in Path(f"/proc/{pid}/fd").iterdir():
+        with suppress(FileNotFoundError):
+            result[int(file.name)] = file.readlink()
+    return result
 
 
 # -- stopping and copies made by fork ---------------------------------------------------------
