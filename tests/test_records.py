@@ -276,6 +276,7 @@ def test_every_record_has_a_table_or_says_that_there_is_none(kind: type[Result])
     frame = record.to_dataframe()
     assert all(shown in {name, f"{name} [{unit}]"} for name, shown, unit in _headed(record, frame.columns, heading))
     assert len(frame) == len(rows)
+    assert all(frame[name].dtype == float for name in frame if frame[name].isna().all())
 
 
 @pytest.mark.parametrize("kind", RECORDS, ids=lambda kind: kind.__name__)

@@ -220,14 +220,14 @@ class Record(RecordPart):
         write_mat(path, {**values, "units": units, **({"original_names": changed} if changed else {})})
 
     def to_dataframe(self) -> DataFrame:
-        """Return the table of the result for pandas.
+        """Return the table of the result for pandas; what is not known of any row is not a number there.
 
         Raises:
             InputError: pandas is not installed, or there is no table.
         """
         heading, *rows = (row for row in map(_plain_row, self.rows()) if not _is_remark(row))
         frame: DataFrame = _library("pandas").DataFrame(rows, columns=heading)
-        return frame
+        return frame.astype({name: float for name in heading if frame[name].isna().all()})
 
     def to_xarray(self) -> Dataset:
         """Return the arrays of the result for xarray, each with its coordinates, where it has some, and its unit.
