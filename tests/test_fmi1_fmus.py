@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import shutil
 import zipfile
 from pathlib import Path
@@ -15,6 +16,8 @@ from tests.fmi1_fmus import MODELS, build_fmi1
 from workbench.build.fmu import build_fmu
 from workbench.errors import FmuError, InputError
 from workbench.fmi.bundled import bundled_path
+from workbench.fmi.fmpy_access import fmi1, fmi2
+from workbench.fmi.log import callbacks1, callbacks2
 from workbench.fmi.platforms import host
 from workbench.fmi.reading import described_at
 from workbench.model.load import load
@@ -160,3 +163,11 @@ def test_what_is_minus_another_variable_is_listed_and_refused(fmus: Path, tmp_pa
                 refused()
         with pytest.raises(InputError, match="minusTau: variables of type negated Real"):
             simulate(model.with_values({"minusTau": -2.0}), stop=0.1)
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_fmus_get_memory_from_c_itself(version: int) -> None:
+    """Through Python each call would take longer than most steps; some FMUs allocate in every one."""
+    callbacks, module = {1: (callbacks1, fmi1), 2: (callbacks2, fmi2)}[version]
+    for given, function in ((callbacks.allocateMemory, module.calloc), (callbacks.freeMemory, module.free)):
+        assert ctypes.cast(given, ctypes.c_void_p).value == ctypes.cast(function, ctypes.c_void_p).value

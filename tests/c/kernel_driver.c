@@ -834,6 +834,20 @@ static void test_short_of_memory(Run run, int version) {
     }
 }
 
+/* A step that ends early at 0.25 s, or fails, is the last, and is not counted. */
+static void test_time_steps(void) {
+    const double fails_at[2] = {1e9, 0.15};
+    for (size_t i = 0; i < 2; i++) {
+        Bench b;
+        double seconds[10] = {0};
+        setup(&b, 3, 1);
+        b.fakes[0].bad_time = fails_at[i];
+        CHECK(kernel_time_steps(&b.system, 0.0, 0.1, 10, 60.0, seconds) == 2 - i);
+        CHECK(seconds[0] >= 0.0 && seconds[0] < 60.0);
+        CHECK(kernel_time_steps(&b.system, 0.0, 0.1, 10, 0.0, seconds) == 0);
+    }
+}
+
 int main(void) {
     for (size_t n = 1; n <= 2; n++) {
         test_run(run_me, 2, n);
@@ -847,6 +861,7 @@ int main(void) {
     test_banded();
     test_blocks();
     test_every_block();
+    test_time_steps();
     test_failures(run_me, 2);
     test_failures(run_cs, 3);
     test_short_of_memory(run_me, 2);

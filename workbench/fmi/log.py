@@ -6,6 +6,7 @@ one for FMI 1.0 and 2.0 each, kept for ever, that hands the line to the instance
 
 from __future__ import annotations
 
+import ctypes
 import weakref
 from collections import deque
 from typing import Any
@@ -66,11 +67,16 @@ def _receive(_owner: Any, name: bytes | None, status: int, _category: bytes | No
         log.add(status, message)
 
 
+def _address(kind: Any, function: Any) -> Any:
+    """Return C's own function as a callback: around an object, ctypes would go through Python at each call."""
+    return kind(ctypes.cast(function, ctypes.c_void_p).value)
+
+
 def _callbacks(module: Any, prefix: str) -> Any:
     structure = getattr(module, f"{prefix}CallbackFunctions")()
     structure.logger = getattr(module, f"{prefix}CallbackLoggerTYPE")(_receive)
-    structure.allocateMemory = getattr(module, f"{prefix}CallbackAllocateMemoryTYPE")(module.calloc)
-    structure.freeMemory = getattr(module, f"{prefix}CallbackFreeMemoryTYPE")(module.free)
+    structure.allocateMemory = _address(getattr(module, f"{prefix}CallbackAllocateMemoryTYPE"), module.calloc)
+    structure.freeMemory = _address(getattr(module, f"{prefix}CallbackFreeMemoryTYPE"), module.free)
     _kept.append((structure, structure.logger, structure.allocateMemory, structure.freeMemory))
     if add_logger_proxy is not None:
         add_logger_proxy(fmi1.byref(structure))

@@ -79,6 +79,10 @@ int32_t kernel_cs_go_on(Cs *cs) {
     return cs_go_on(cs);
 }
 
+size_t kernel_time_steps(System *system, double time, double step, size_t n, double patience, double *seconds) {
+    return time_steps(system, time, step, n, patience, seconds);
+}
+
 size_t kernel_control_doubles(const Cs *cs) {
     return control_doubles(cs);
 }

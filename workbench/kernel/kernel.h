@@ -17,9 +17,10 @@
 #include "me.h"
 #include "parent.h"
 #include "predictor.h"
+#include "timing.h"
 
 /* To be raised with every change of a structure or of the meaning of a call. */
-enum { KERNEL_VERSION = 21 };
+enum { KERNEL_VERSION = 22 };
 
 KERNEL_EXPORT int32_t kernel_version(void);
 /* Size of a structure by its name, 0 if there is none: the caller compares it with its own. */
@@ -40,6 +41,9 @@ KERNEL_EXPORT void kernel_me_close(Me *me);
 KERNEL_EXPORT int32_t kernel_cs_run(Cs *cs, double until, const double *targets, size_t n_targets, Record *record,
                                     int32_t fresh);
 KERNEL_EXPORT int32_t kernel_cs_go_on(Cs *cs);
+/* See `time_steps`. */
+KERNEL_EXPORT size_t kernel_time_steps(System *system, double time, double step, size_t n, double patience,
+                                       double *seconds);
 /* How many doubles `saved` of the control of `cs` needs. */
 KERNEL_EXPORT size_t kernel_control_doubles(const Cs *cs);
 

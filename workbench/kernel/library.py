@@ -15,7 +15,7 @@ from workbench.kernel.structs import FUNCTIONS, STRUCTURES, name_in_c
 
 __all__ = ["KernelMissingError", "intermediate_update", "kernel", "kernel_path", "why_kernel_missing"]
 
-VERSION = 21  # KERNEL_VERSION in kernel.h
+VERSION = 22  # KERNEL_VERSION in kernel.h
 FOLDER = Path(__file__).parent / "lib"
 _REMEDY = "install the package again, which compiles it: pip install . in its folder (pip install -e . to work on it)"
 
@@ -30,6 +30,7 @@ _SIGNATURES: Mapping[str, tuple[Any, list[Any]]] = {
     "kernel_me_close": (None, [c_void_p]),
     "kernel_cs_run": (c_int32, _RUN),
     "kernel_control_doubles": (c_size_t, [c_void_p]),
+    "kernel_time_steps": (c_size_t, [c_void_p, c_double, c_double, c_size_t, c_double, c_void_p]),
     "kernel_record_columns": (None, [c_void_p, c_void_p]),
     "kernel_record_free": (None, [c_void_p]),
     "kernel_signal_value": (c_double, [c_void_p, c_double]),

@@ -7,6 +7,9 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
+from workbench.core.values.arrays import Floats
 from workbench.fmi.c_array import c_array
 from workbench.fmi.instance import Instance
 from workbench.fmi.variable import Variable
@@ -153,3 +156,17 @@ class NativeSystem:
         """Tell the kernel at which time the FMUs stand [s]."""
         for component in self.components:
             component.time = time
+
+    def time_steps(self, time: float, step: float, count: int, patience: float) -> Floats:
+        """Return how long each communication step of a single FMU takes, without Python between them, shape (k,) [s].
+
+        Args:
+            time: where it stands [s].
+            step: [s].
+            count: of steps; one that fails, ends early or asks to end is not among them, and is the last.
+            patience: after which no further one begins [s].
+        """
+        seconds = np.empty(count)
+        address = ctypes.addressof(self.structure)
+        made = self.library.kernel_time_steps(address, time, step, count, patience, seconds.ctypes.data)
+        return seconds[:made]
