@@ -5,7 +5,8 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,9 +27,11 @@ from workbench.identification.calibrate.noise import LOSSES, ColouredNoise, Segm
 from workbench.identification.calibrate.problem import CalibrationProblem, Gradient
 from workbench.identification.calibrate.request import Calibrate
 from workbench.identification.calibrate.run import run as calibrate_run
-from workbench.identification.calibrate.runs import ModelRuns
+from workbench.identification.calibrate.runs import ModelRun, ModelRuns
 from workbench.identification.calibrate.search import Estimate, search
 from workbench.jobs.job import Job
+from workbench.jobs.runner import InProcess, Lost, Reply
+from workbench.jobs.worker_main import Task
 
 DT, TAU = 0.1, 0.6
 U = np.repeat(np.random.default_rng(2).uniform(-1.0, 1.0, 20), 10)
@@ -438,6 +441,25 @@ def test_a_model_that_crashes_wherever_it_is_run_has_crashed(tmp_path: Path) -> 
     fmu = build_misbehaving(tmp_path, "abort", "doStep")
     with wb.load(fmu, "cs") as model, pytest.raises(wb.CrashedError, match=r"start values, nor at .*SIGABRT"):
         wb.calibrate(model, record(noisy()), free={"x": (0.1, 1.0)})
+
+
+def test_a_run_whose_process_crashed_is_made_once_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The runs before it may have used up what the process had; at these values the model runs."""
+    known, lost, whole = InProcess.run, list[object](), calibrated(record(noisy()))
+
+    def run(self: InProcess, task: Task, jobs: deque[Any]) -> Iterator[Reply | Lost]:
+        for number, event in enumerate(known(self, task, jobs)):
+            if isinstance(event.job, ModelRun) and number % 3 == 0 and not any(event.job is one for one in lost):
+                lost.append(event.job)
+                yield Lost(event.job, wb.CrashedError("the worker was killed (SIGKILL)"))
+            else:
+                yield event
+
+    monkeypatch.setattr(InProcess, "run", run)
+    found = calibrated(record(noisy()))
+    assert lost
+    assert found.failed_runs == 0
+    assert found.values == whole.values
 
 
 def test_the_command_its_files_and_its_record(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,7 +14,7 @@ from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.data.excite.recording import Sampling, sampling_of
-from workbench.errors import LostError, SimulationError
+from workbench.errors import LostError, SimulationError, TimedOutError
 from workbench.identification.calibrate.copies import of_copy
 from workbench.identification.calibrate.data import PlayedData
 from workbench.identification.calibrate.quantities import FreeValues
@@ -232,19 +232,31 @@ class ModelRuns:
         """Run what is not known yet."""
         every = {self._key(*one): one for one in wanted}
         runs = {k: self._run(*one) for k, one in every.items() if k not in self._known and not self._stored(k)}
-        keys = {id(run): key for key, run in runs.items()}
-        for event in runner.run(perform, deque(runs.values())):
-            key = keys[id(event.job)]
-            if isinstance(event, Lost):
-                self.place.lost[event.reason] = type(event.error)
-            found = RunOutputs(None, event.reason) if isinstance(event, Lost) else event.value
-            self._take(key, found, len(every[key][0]))
+        for again in (True, False):
+            runs = self._made(runs, {key: len(every[key][0]) for key in runs}, runner, again=again)
         for key in every:
             if key not in self._known:
                 raise SimulationError("a run of the model gave no answer")
             self._known.move_to_end(key)
         while len(self._known) > max(len(every), _KEPT * (2 * len(self._quantities) + 1) * len(self._data)):
             self._known.popitem(last=False)
+
+    def _made(
+        self, runs: Mapping[_Key, ModelRun], counts: Mapping[_Key, int], runner: Runner, *, again: bool
+    ) -> dict[_Key, ModelRun]:
+        """Run these; return those to be run once more: a process may have crashed of what was run in it before."""
+        keys = {id(run): key for key, run in runs.items()}
+        result = {}
+        for event in runner.run(perform, deque(runs.values())) if runs else ():
+            key = keys[id(event.job)]
+            if isinstance(event, Lost) and again and not isinstance(event.error, TimedOutError):
+                result[key] = runs[key]
+                continue
+            if isinstance(event, Lost):
+                self.place.lost[event.reason] = type(event.error)
+            found = RunOutputs(None, event.reason) if isinstance(event, Lost) else event.value
+            self._take(key, found, counts[key])
+        return result
 
     def _take(self, key: _Key, found: RunOutputs, count: int) -> None:
         self._known[key], place = found, self.place
