@@ -167,6 +167,14 @@ def test_a_bandwidth_says_between_which_points_it_is_interpolated() -> None:
     found = find("bandwidth", coarse, min=2.0)
     assert found.where == "between 2 and 4 Hz"
     assert 2.0 < float(found.value or 0.0) < 4.0
+    for limit in (
+        {"min": 2.1},
+        {"max": 3.9},
+        {"min": 1.0, "max": 3.0},
+    ):  # on any way from point to point it is beyond 2
+        with pytest.raises(NotMeasured, match=r"is known to ± 1\.7|0\.33 only, between points"):
+            find("bandwidth", coarse, **limit)
+    assert find("bandwidth", coarse, max=4.0).passed
     at_a_point = nfr({1.0: [1.0, 10.0 ** (-3.0 / 20.0), 0.3]}, [1.0, 2.0, 4.0])
     assert find("bandwidth", at_a_point, min=1.5, drop=3.0).where in {"", "between 2 and 4 Hz"}
     # What `nfr --bandwidth` measured between them counts, where it is the same quantity.
@@ -174,6 +182,8 @@ def test_a_bandwidth_says_between_which_points_it_is_interpolated() -> None:
     known = {**coarse, "features": [measured]}
     found = find("bandwidth", known, min=2.0)
     assert (found.value, found.where) == (2.7, "measured to ± 0.001 Hz")
+    with pytest.raises(NotMeasured, match=r"known to ± 0\.001 only, as nfr measured it, and the limit is ≥ 2\.6995 Hz"):
+        find("bandwidth", known, min=2.6995)
     for other in ({"drop": 6.0}, {"reference": 0.5}):
         assert find("bandwidth", known, min=2.0, **other).where == "between 2 and 4 Hz"
     assert find("bandwidth", {**coarse, "features": [{**measured, "bandwidth_hz": 5.0}]}, min=2.0).value != 5.0

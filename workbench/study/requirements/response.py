@@ -29,6 +29,8 @@ __all__ = ["UNITS", "Bandwidth", "Gain", "Mask", "OfResponse", "Offset", "Phase"
 
 # Of a response; an offset has the unit of the output.
 UNITS = {"gain": "dB", "phase": "deg"}
+_INTERPOLATED = "between points: let nfr measure it, by `bandwidth`, or bring its frequencies closer together"
+_MEASURED_SO = "as nfr measured it: measure with a tighter tolerance"
 _SAME = 1e-9  # frequencies that differ by less are the same
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -113,8 +115,7 @@ class Bandwidth(OfResponse, Limited):
 
     Where `nfr` measured it between the points (its option `bandwidth`, with the same drop; −90° goes along), that is
     its value. That of a linear model is exact. Else it is interpolated in dB (or deg) over log frequency between two
-    points, which are told: a limit
-    between them is met or not by that straight line alone; a smaller ratio of frequencies brings them closer.
+    points, which are told: a limit between them is not met, since nothing is known of the curve there.
 
     Attributes:
         criterion: "gain" or "phase".
@@ -142,17 +143,27 @@ class Bandwidth(OfResponse, Limited):
         measured, error = self._measured(features)
         if crossed is not None and crossed.low <= measured <= crossed.high:
             where = ", ".join(filter(None, [f"measured to ± {error:.1g} Hz", curve.label]))
-            return Value(value=measured, where=where, unit="Hz")
+            return Value(value=measured, where=where, unit="Hz", error=error, remedy=_MEASURED_SO)
         doubt = curve.doubt if self.criterion == "phase" else ""
         if crossed is not None:
             words = filter(None, [crossed.words, curve.label, doubt])
-            return Value(value=crossed.value, where=", ".join(words), unit="Hz")
+            where = ", ".join(words)
+            error = self._doubt(crossed)
+            return Value(value=crossed.value, where=where, unit="Hz", error=error, remedy=_INTERPOLATED)
         last = curve.frequency[-1]
         # Enough for a smallest bandwidth; for a largest one nothing is known beyond.
         if self.max is not None or self.equal is not None or (self.min or 0.0) > last:
             raise NotMeasured(f"{level:.4g} {UNITS[self.criterion]} is not reached up to {last:g} Hz{curve.told}")
         where = ", ".join(filter(None, [f"not reached up to {last:g} Hz{curve.told}", doubt]))
         return Value(value=last, where=where, unit="Hz")
+
+    def _doubt(self, crossed: _Crossed) -> float:
+        """Return how far an interpolated value may be off towards the limits [Hz]: anywhere between the points."""
+        if any(math.isclose(crossed.value, end, rel_tol=_SAME) for end in (crossed.low, crossed.high)):
+            return 0.0  # a point is at the level itself
+        towards_min = self.min is not None or self.max is None
+        towards_max = self.max is not None or self.min is None
+        return max(towards_min * (crossed.value - crossed.low), towards_max * (crossed.high - crossed.value))
 
     def _measured(self, features: Mapping[str, Any]) -> tuple[float, float]:
         """Return what was measured between the points, and its error [Hz]; NaN: nothing, or another quantity."""
@@ -171,7 +182,7 @@ class _Crossed:
     """Where values fall to a level.
 
     Attributes:
-        value: by a straight line [Hz].
+        value: where [Hz].
         low, high: the points before and after it [Hz].
     """
 
