@@ -241,7 +241,7 @@ def test_a_controller_is_found_for_wanted_margins_and_written_down(page: Page, u
         linear = wb.loop(model, open="plant.del").linear
     assert linear is not None
     margins = linear.margins
-    assert abs(margins.phase_margin_deg) == pytest.approx(45.0, abs=1e-3)
+    assert 45.0 <= margins.phase_margin_deg < 45.001  # met, as the page says: no digit is lost on the way
 
 
 def test_an_envelope_says_where_it_fails_and_names_of_any_length_leave_room(page: Page, ui: Ui) -> None:

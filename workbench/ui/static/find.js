@@ -8,7 +8,6 @@ import { shown } from "./numbers.js";
 
 const MARGINS = [["db", "gain margin"], ["deg", "phase margin"]]; // they must be there; the crossover comes as near as it can
 const MET = 1e-4; // of its scale: so far beyond a limit is at it
-const DIGITS = 6; // of a value that was found
 
 /**
  * The button that finds what is wanted, and what it found. `wanted()` gives margins and crossover, `study()` the study
@@ -35,7 +34,7 @@ export function finding({ name, open, wanted, study, values, free, found }) {
       const full = await ended(running);
       end();
       if (!full.record) throw new Error(full.failure?.message ?? full.state);
-      found(Object.fromEntries(full.record.parameters.map((p) => [p.name, Number(p.value.toPrecision(DIGITS))])));
+      found(Object.fromEntries(full.record.parameters.map((p) => [p.name, p.value])));
       fill(says, h("p", {}, full.lead), full.record.requirements.filter((r) => !r.passed).map(missed), held(full.record), atLimits(full.record), h("p", {}, h("a", { href: `#/run/${running}` }, `All of it: tune ${running}`)));
     } catch (error) {
       fill(says, h("p", { class: "bad" }, wrongs(error)));

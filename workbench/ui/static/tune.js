@@ -390,7 +390,7 @@ class Workspace {
   async write() {
     try {
       const values = await this.measurable();
-      const changed = Object.entries(values).map(([n, v]) => [n, Number(v.toPrecision(6))]);
+      const changed = Object.entries(values); // all digits: a margin may be met by less than a rounded one would leave
       if (!changed.length) {
         say("Nothing is changed.");
         return;
