@@ -150,6 +150,20 @@ def test_averaged_points_are_marked() -> None:
     assert find("gain", result, frequency=10.0, max=1).where == "10 Hz (averaged)"
 
 
+def test_a_value_between_points_says_between_which_and_meets_no_limit_between_them() -> None:
+    coarse = nfr({1.0: [1.0, 0.1]}, [1.0, 100.0])
+    found = find("gain", coarse, frequency=10.0, min=-20.0)
+    assert found.value == pytest.approx(-10.0)
+    assert found.where == "10 Hz, between 1 and 100 Hz"
+    assert find("gain", coarse, frequency=10.0, max=0.0).passed
+    for limit in ({"min": -19.0}, {"max": -1.0}):
+        with pytest.raises(
+            NotMeasured, match=r"known to ± 10 only, between points, .*: let nfr measure that frequency"
+        ):
+            find("gain", coarse, frequency=10.0, **limit)
+    assert find("gain", coarse, frequency=100.0, min=-20.5).where == "100 Hz"
+
+
 def test_bandwidth_by_gain_and_by_phase() -> None:
     level = 10.0 ** (3.0 / 10.0)
     # Straight lines between points h apart are off by h²/8 of curvature over slope, which is 1 at the corner.

@@ -96,6 +96,13 @@ class Curve:
             return float(self.evaluated(quantity, np.array([frequency]))[0])
         return interpolate(frequency, self.frequency, values)
 
+    def around(self, frequency: float) -> tuple[int, int] | None:
+        """Return the points that a frequency [Hz] lies between; None: it is one of them, or the model is known."""
+        if self.exact is not None or any(math.isclose(f, frequency, rel_tol=_SAME) for f in self.frequency):
+            return None
+        above = int(np.searchsorted(self.frequency, frequency))
+        return above - 1, above
+
     def evaluated(self, quantity: str, frequency_hz: Floats) -> Floats:
         """Return gain [dB] or phase [deg] of a linear model at any frequencies, shape (k,).
 

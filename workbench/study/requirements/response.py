@@ -30,6 +30,7 @@ __all__ = ["UNITS", "Bandwidth", "Gain", "Mask", "OfResponse", "Offset", "Phase"
 # Of a response; an offset has the unit of the output.
 UNITS = {"gain": "dB", "phase": "deg"}
 _INTERPOLATED = "between points: let nfr measure it, by `bandwidth`, or bring its frequencies closer together"
+_BETWEEN = "between points: let nfr measure that frequency, too"
 _MEASURED_SO = "as nfr measured it: measure with a tighter tolerance"
 _SAME = 1e-9  # frequencies that differ by less are the same
 
@@ -69,8 +70,21 @@ class OfResponse(Requirement):
         )  # fmt: skip
 
 
-class _AtFrequency(OfResponse, Limited):
-    """A value at one frequency, interpolated between the measured ones.
+class _Interpolated(OfResponse, Limited):
+    """A value that may lie between two points of a measured response."""
+
+    def doubt(self, value: float, *ends: float) -> float:
+        """Return how far a value may be off towards its limits: it lies somewhere between its ends."""
+        towards_min = self.min is not None or self.max is None
+        towards_max = self.max is not None or self.min is None
+        return max(towards_min * (value - min(ends)), towards_max * (max(ends) - value))
+
+
+class _AtFrequency(_Interpolated):
+    """A value at one frequency.
+
+    Between two measured ones it is interpolated, over log frequency, and they are told: a limit that lies between what
+    was measured at the two is not met, since nothing is known of the curve there.
 
     Attributes:
         frequency: [Hz].
@@ -86,7 +100,12 @@ class _AtFrequency(OfResponse, Limited):
     def _value(self, curve: Curve) -> Value:
         value = curve.at(self.quantity, self.frequency)
         where = curve.where_phase(self.frequency) if self.quantity == "phase" else curve.where(self.frequency)
-        return Value(value=value, where=where, unit=UNITS.get(self.quantity, curve.unit))
+        unit, around = UNITS.get(self.quantity, curve.unit), curve.around(self.frequency)
+        if around is None:
+            return Value(value=value, where=where, unit=unit)
+        (low, high), ends = ([x[k] for k in around] for x in (curve.frequency, curve.values(self.quantity)))
+        where = f"{where}, between {low:.4g} and {high:.4g} Hz"
+        return Value(value=value, where=where, unit=unit, error=self.doubt(value, *ends), remedy=_BETWEEN)
 
 
 class Gain(_AtFrequency):
@@ -110,7 +129,7 @@ class Offset(_AtFrequency):
     quantity = "offset"
 
 
-class Bandwidth(OfResponse, Limited):
+class Bandwidth(_Interpolated):
     """The frequency at which the gain has fallen by 3 dB, or the phase to −90° [Hz].
 
     Where `nfr` measured it between the points (its option `bandwidth`, with the same drop; −90° goes along), that is
@@ -148,7 +167,7 @@ class Bandwidth(OfResponse, Limited):
         if crossed is not None:
             words = filter(None, [crossed.words, curve.label, doubt])
             where = ", ".join(words)
-            error = self._doubt(crossed)
+            error = 0.0 if crossed.at_a_point else self.doubt(crossed.value, crossed.low, crossed.high)
             return Value(value=crossed.value, where=where, unit="Hz", error=error, remedy=_INTERPOLATED)
         last = curve.frequency[-1]
         # Enough for a smallest bandwidth; for a largest one nothing is known beyond.
@@ -156,14 +175,6 @@ class Bandwidth(OfResponse, Limited):
             raise NotMeasured(f"{level:.4g} {UNITS[self.criterion]} is not reached up to {last:g} Hz{curve.told}")
         where = ", ".join(filter(None, [f"not reached up to {last:g} Hz{curve.told}", doubt]))
         return Value(value=last, where=where, unit="Hz")
-
-    def _doubt(self, crossed: _Crossed) -> float:
-        """Return how far an interpolated value may be off towards the limits [Hz]: anywhere between the points."""
-        if any(math.isclose(crossed.value, end, rel_tol=_SAME) for end in (crossed.low, crossed.high)):
-            return 0.0  # a point is at the level itself
-        towards_min = self.min is not None or self.max is None
-        towards_max = self.max is not None or self.min is None
-        return max(towards_min * (crossed.value - crossed.low), towards_max * (crossed.high - crossed.value))
 
     def _measured(self, features: Mapping[str, Any]) -> tuple[float, float]:
         """Return what was measured between the points, and its error [Hz]; NaN: nothing, or another quantity."""
@@ -189,6 +200,11 @@ class _Crossed:
     value: float
     low: float
     high: float
+
+    @property
+    def at_a_point(self) -> bool:
+        """Whether a point is at the level itself."""
+        return any(math.isclose(self.value, end, rel_tol=_SAME) for end in (self.low, self.high))
 
     @property
     def words(self) -> str:
