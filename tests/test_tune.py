@@ -368,6 +368,22 @@ def test_a_bandwidth_that_jumps_where_a_dip_touches_its_level_is_reached(tmp_pat
     assert np.abs(loop / (1.0 + loop)).min() > 10.0 ** (-3.0 / 20.0)
 
 
+@pytest.mark.parametrize("phase", [40, 45, 50, 55, 60, 65])
+def test_what_is_hard_is_met_where_the_rest_cannot_be(tmp_path: Path, phase: int) -> None:
+    """The phase margin is all that holds the bandwidth back: it ends at its limit, and a study knows no nearly."""
+    (tmp_path / "dipping.toml").write_text(DIPPING, encoding="utf-8")
+    wanted = WANTED.replace("min = 60", f"min = {phase}").replace("min = 0.12", "min = 5.0")
+    (tmp_path / "wanted.toml").write_text(wanted, encoding="utf-8")
+    found = wb.tune(
+        tmp_path / "dipping.toml", free={"pi.proportional": (0.01, 10.0), "pi.integral": (0.001, 5.0)},
+        study=tmp_path / "wanted.toml", starts=0, hard=["phase"], workers=HERE,
+    )  # fmt: skip
+    margin, bandwidth = found.requirements
+    assert not bandwidth.passed
+    assert margin.passed
+    assert margin.after == pytest.approx(phase, rel=1e-5)
+
+
 HELD = """
 [components]
 error = {sum = "+-"}

@@ -10,13 +10,14 @@ import numpy as np
 
 from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
-from workbench.study.tune.minimax import MinimaxEnd, SmoothPiece, minimax
+from workbench.study.tune.minimax import Evaluation, MinimaxEnd, SmoothPiece, minimax
 from workbench.study.tune.problem import STABILITY, TuneProblem
 from workbench.study.tune.result import Conflict, TradeOff
 
 __all__ = ["Descent", "conflict_of", "descents", "made_stable", "measured_descent"]
 
 _MET = 1e-6  # a value up to this counts as 0
+_INSIDE = 1e-6  # of a limit's scale: what a hard requirement is met by, more than the solver leaves
 _PAIRS = 4  # so many of the requirements that hold the result are looked at in pairs
 _FURTHER = 6  # starts before a conflict is told: with 2 one of 20 planted ones was a local minimum of another pair
 _CURVE = 7  # points of a trade-off
@@ -56,9 +57,20 @@ def descents(
         if isinstance(stable, str):
             result.append(Descent(z, None, stable))
             continue
-        end = minimax(problem.pieces, stable, problem.free.limits, hard=owners(problem, hard), most=most)
+        first = owners(problem, hard)
+        end = minimax(_inside(problem.pieces, first), stable, problem.free.limits, hard=first, most=most)
         result.append(Descent(z, end, "no step gains more" if end is not None and end.converged else "steps spent"))
     return result
+
+
+def _inside(evaluate: Evaluation, hard: frozenset[int]) -> Evaluation:
+    """Return pieces whose hard ones end a little inside their limits: a study knows no nearly."""
+
+    def shifted(z: Floats) -> Sequence[SmoothPiece] | None:
+        every = evaluate(z)
+        return every and [replace(p, value=p.value + _INSIDE) if p.owner in hard else p for p in every]
+
+    return shifted
 
 
 def owners(problem: TuneProblem, names: Sequence[str]) -> frozenset[int]:
@@ -103,8 +115,9 @@ def measured_descent(problem: TuneProblem, z: Floats, hard: Sequence[str], most:
         hard: names of requirements that must be met.
         most: evaluations.
     """
+    first = owners(problem, hard)
     end = minimax(
-        problem.mixed_pieces, z, problem.free.limits, hard=owners(problem, hard), most=most, radius=0.1, enough=-0.02,
+        _inside(problem.mixed_pieces, first), z, problem.free.limits, hard=first, most=most, radius=0.1, enough=-0.02,
         tolerance=1e-3,
     )  # fmt: skip
     if end is None:
