@@ -71,7 +71,10 @@ function run(work) {
 
 /** How far a run is, in words. */
 function far(work) {
-  if (work.state === "running" && work.total) return `${work.done} of ${work.total} ${work.total === 100 && work.counts === "points" ? "%" : work.counts}`;
+  const count = `${work.done} of ${work.total} ${work.total === 100 && work.counts === "points" ? "%" : work.counts}`;
+  if (work.state === "running" && work.total) return count;
+  if (work.later) return `went on as ${work.command} ${work.later}`;
+  if (work.goes_on && work.total) return `${work.state}, ${count} kept`;
   return work.state === "done" && !work.well ? "not all well" : work.state;
 }
 
