@@ -10,7 +10,7 @@ import { closedHandles, handlesOf } from "./handles.js";
 import { write } from "./keep.js";
 import { bandAround, circle, marginsIn, masksIn, notesOf, numberOf, stepRegions } from "./limits.js";
 import { head } from "./model.js";
-import { bode, locusRanges, shown, unitShown } from "./numbers.js";
+import { bode, exact, locusRanges, shown, unitShown } from "./numbers.js";
 import { Plot, colour, ramp } from "./plot.js";
 
 const NEAR = 4; // times the crossover are the poles away that the root locus shows
@@ -144,12 +144,12 @@ class Workspace {
   /** A parameter: its name, a number, and a slider that begins where the file has it. */
   knob(p) {
     const id = `tune-${p.name}`;
-    const number = h("input", { id, type: "text", inputMode: "decimal", value: shown(p.value, 6), "aria-describedby": p.help ? `${id}-help` : null });
+    const number = h("input", { id, type: "text", inputMode: "decimal", value: exact(p.value), "aria-describedby": p.help ? `${id}-help` : null });
     const log = p.value !== 0;
     const slider = h("input", { type: "range", min: log ? -REACH : -1, max: log ? REACH : 1, step: log ? 0.01 : 0.01, value: 0, "aria-label": `${p.name}, slider` });
     const of = (x) => (log ? p.value * 10 ** x : x);
     const show = (value) => {
-      number.value = shown(value, 5);
+      number.value = exact(value);
       number.removeAttribute("aria-invalid");
       slider.value = log ? Math.log10(Math.max(1e-12, value / p.value)) : value;
     };
@@ -194,8 +194,9 @@ class Workspace {
   /** A point of the root locus was clicked: this is the factor on the loop there. */
   chosen(factor) {
     this.remember();
-    this.knobs.get(GAIN).show(factor);
-    this.set(GAIN, Number(factor.toPrecision(5)));
+    const rounded = Number(factor.toPrecision(5));
+    this.knobs.get(GAIN).show(rounded);
+    this.set(GAIN, rounded);
   }
 
   /** A pole or a zero is dragged: its parameters follow. */
