@@ -81,6 +81,17 @@ def test_the_frequency_of_90_degrees_lies_inside_its_stated_error(error: float) 
     assert features_of([measure(f, 1.0) for f in GRID], DROP, measure).lag_hz == pytest.approx(math.tan(math.pi / 10.0))
 
 
+@pytest.mark.parametrize("drop", [0.5, 2.0, 6.0])
+def test_a_bandwidth_is_where_the_gain_has_fallen_by_what_is_asked_for(drop: float) -> None:
+    first = 0.01
+    found = wb.nfr(lag(0.1), "u", "y", [first, 0.3, 0.6, 1.0, 2.0, 4.0, 8.0], [1.0], bandwidth=drop).features[0]
+    w0 = 2.0 * math.pi * first * 0.1
+    truth = math.sqrt(10.0 ** (drop / 10.0) * (1.0 + w0**2) - 1.0) / (0.2 * math.pi)
+    assert found.bandwidth_hz is not None
+    assert found.bandwidth_error_hz is not None
+    assert abs(found.bandwidth_hz - truth) <= found.bandwidth_error_hz <= 0.01 * truth
+
+
 def test_of_a_lag_and_an_oscillator_the_engine_finds_what_their_equations_say() -> None:
     first = 0.05
     slow = wb.nfr(lag(0.1), "u", "y", [first, 1.0, 2.0, 4.0], [1.0], bandwidth=3.0).features[0]

@@ -10,7 +10,7 @@ from typing import cast
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.linalg import expm
+from scipy.linalg import block_diag, expm
 
 import workbench as wb
 from workbench.core.values.arrays import Floats
@@ -189,3 +189,12 @@ def test_the_correction_is_the_same_by_factors(slowest: float) -> None:
     np.testing.assert_allclose(e / sizes, wanted / sizes, rtol=1e-10, atol=1e-10)
     assert left == pytest.approx(over, abs=1e-10)
     assert (over > 0.01) == (slowest == 1.0)
+
+
+def test_a_pair_of_multipliers_is_kept_or_left_as_one() -> None:
+    pair = 0.1 * np.array([[1.0, 1.0], [-1.0, 1.0]])  # 0.1 ± 0.1j
+    for alone, count in ((5, 7), (4, 6), (6, 6)):  # real ones that are larger
+        Phi = block_diag(np.diag(np.linspace(0.9, 0.5, alone)), pair, 0.01)
+        kept = VariationalEquation(Phi, np.zeros((3, len(Phi))), np.zeros(len(Phi))).kept
+        assert len(kept) == count
+        assert sum(abs(z - 0.1 - 0.1j) < 1e-12 for z in kept) == sum(abs(z - 0.1 + 0.1j) < 1e-12 for z in kept)

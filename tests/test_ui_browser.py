@@ -276,5 +276,7 @@ def test_an_envelope_is_a_map_whose_points_are_asked(page: Page, ui: Ui) -> None
     expect(asked).to_contain_text("lag.tau")
     # At rest y = u = 2, whatever tau is, and 2.5 is allowed.
     assert re.fullmatch(r"met 2\b.*", asked.locator("p").first.inner_text())
-    assert re.search(r"Margin 0\.5\b", asked.inner_text())
+    assert re.search(r"Margin 0\.5$", asked.inner_text(), re.MULTILINE)
+    # The colours are told by their margins: what is much of one only a person knows.
+    expect(page.locator(".legend li", has_text=re.compile(r"^met, margin 0\.5$"))).to_have_count(1)
     picture(page, "envelope")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +17,7 @@ from tests.ui_pages import expect, look, picture
 from tests.ui_server import REST_STUDY, Ui, browser_workbench
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Page
+    from playwright.sync_api import Browser, Page
 
 pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 pytest.importorskip("starlette", reason="the extra 'ui' is not installed")
@@ -242,6 +243,68 @@ def test_a_controller_is_found_for_wanted_margins_and_written_down(page: Page, u
     assert linear is not None
     margins = linear.margins
     assert 45.0 <= margins.phase_margin_deg < 45.001  # met, as the page says: no digit is lost on the way
+
+
+def test_what_is_wanted_is_of_the_file_that_was_written(page: Page, ui: Ui) -> None:
+    look(page, ui, "tune/system%3Arudder_loop")
+    page.wait_for_function("() => document.querySelector('.verdict').dataset.ms")
+    page.fill("#wanted-hz", "5.5")  # faster than it is
+    page.get_by_role("button", name="Find it").click()
+    expect(page.locator(".found")).to_contain_text("requirements met")
+    study = ui.folder / "rudder_loop_wanted.toml"
+    assert tomllib.loads(study.read_text())["models"]["loop"] == "system:rudder_loop"
+    page.get_by_role("button", name="Write into the system").click()
+    expect(page.locator("main")).to_have_attribute("data-shown", "#/tune/rudder_loop.toml/plant.del")
+    page.wait_for_function("() => document.querySelector('.verdict').dataset.ms")
+    expect(page.locator("#wanted-hz")).to_have_value("5.5")
+    assert tomllib.loads(study.read_text())["models"]["loop"] == "rudder_loop.toml"
+    (crossover,) = [c for c in wb.run_study(study).checked if c.requirement.name == "crossover"]
+    assert crossover.finding.passed  # the bundled loop is slower
+
+
+def test_a_loop_at_real_amplitudes_says_where_it_crosses(page: Page, ui: Ui) -> None:
+    look(page, ui, "tune/system%3Arudder_loop")
+    page.fill("#wanted-hz", "6.84")
+    page.fill("#amplitude", "10")
+    page.press("#amplitude", "Enter")
+    crossover = page.locator(".numbers > div").nth(3).locator(".dim", has_text="at 10 deg")
+    expect(crossover.locator(".bad")).to_have_text(re.compile(r"^[\d.]+$"))
+    hz = float(crossover.locator(".bad").inner_text())
+    with wb.load("system:rudder_loop") as model:
+        around = wb.loop(model, open="plant.del", frequencies=[0.97 * hz, 1.03 * hz], amplitudes=[10.0]).curves[0]
+    assert abs(around.value[0]) > 1.0 > abs(around.value[-1])
+    picture(page, "amplitudes")
+
+
+def test_one_click_runs_a_study_that_cannot_be_written(page: Page, ui: Ui) -> None:
+    look(page, ui, "open/study%3Arudder_specification")
+    runs = page.locator("a[data-work]", has_text="study:rudder_specification")
+    expect(runs).to_have_count(0)
+    page.get_by_role("button", name="Run", exact=True).click()
+    expect(runs).to_have_count(1)
+    expect(page.get_by_label("Result").locator(".run")).to_be_visible()
+    page.get_by_role("button", name="Stop").click()
+    expect(runs).to_contain_text("stopped")
+    copy = ui.folder / "rudder_specification.toml"
+    assert not copy.exists()
+    page.get_by_label("Study file").press("Control+Home")
+    page.get_by_label("Study file").press_sequentially("# mine\n")
+    page.get_by_role("button", name="Run", exact=True).click()  # the copy is run by the same click
+    expect(page.locator("a[data-work]", has_text="rudder_specification.toml")).to_have_count(1)
+    assert copy.read_text().startswith("# mine\n")
+    page.get_by_role("button", name="Stop").click()
+    expect(page.locator("h1")).to_have_text("rudder_specification.toml")
+
+
+def test_a_page_of_a_server_that_ended_says_where_the_new_one_is(browser: Browser, tmp_path: Path) -> None:
+    with browser_workbench(tmp_path) as server:
+        page = browser.new_context().new_page()
+        page.goto(server.address)
+        expect(page.locator("h1")).to_be_visible()
+        expect(page.locator("#gone")).to_be_hidden()
+        server.process.kill()
+        expect(page.locator("#gone")).to_contain_text("open the address that it printed")
+        page.context.close()
 
 
 def test_an_envelope_says_where_it_fails_and_names_of_any_length_leave_room(page: Page, ui: Ui) -> None:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import workbench as wb
 from workbench.core.values.arrays import Complex, Floats
-from workbench.ui.marks import response_marks
+from workbench.response.nfr.features import CurveFeatures
+from workbench.ui.marks import brief_of, nfr_marks, response_marks
 
 HZ = np.geomspace(0.1, 10.0, 400)
 ZETA = 0.1  # of a mode at 1 Hz
@@ -45,3 +48,19 @@ def test_what_only_falls_or_ripples_has_no_resonance() -> None:
     gaps = mode(HZ)
     gaps[::7] = np.nan
     assert len(peaks(gaps)) == 1
+
+
+def test_what_was_measured_is_marked_in_place_of_what_lies_between_points() -> None:
+    with wb.load("fmu:FirstOrderLag", tolerance=1e-8) as model:
+        plain = wb.nfr(model, "u", "y", [0.01, 0.05, 0.1, 0.2, 0.4], [1.0])
+        measured = wb.nfr(model, "u", "y", [0.01, 0.05, 0.1, 0.2, 0.4], [1.0], bandwidth=3.0)
+    (one,) = measured.features
+    assert one.bandwidth_hz is not None
+    (between,), (mark,) = nfr_marks(plain, 0), nfr_marks(measured, 0)
+    assert between["hz"] != pytest.approx(one.bandwidth_hz, rel=1e-4)  # read from a straight line
+    assert mark["hz"] == one.bandwidth_hz
+    assert mark["db"] == pytest.approx(float(measured.gain_db[0, 0]) - 3.0)
+    assert brief_of(measured) == mark["text"] == f"−3 dB at {one.bandwidth_hz:.4g} Hz"
+    bump = replace(measured, features=(CurveFeatures(1.0, 3.0, resonance_hz=0.07, resonance_gain_db=1.25),))
+    (peak,) = nfr_marks(bump, 0)  # and no fall, where the record has found none
+    assert (peak["hz"], peak["db"]) == (0.07, 1.25)

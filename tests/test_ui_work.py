@@ -36,6 +36,8 @@ def test_what_is_measured_is_what_the_function_measures(ui: Ui) -> None:
         result = wb.nfr(model, "delC", "del", [1.0, 2.0, 4.0], [1.0])
     assert curve["re"] == result.response[0].real.tolist()
     assert curve["im"] == result.response[0].imag.tolist()
+    assert all(abs(offset) < 1e-6 for offset in result.offset[0])  # nothing but rounding
+    assert all(words.startswith("<") for words in curve["offset"])
     assert [p["frequency"] for p in sorted(full["points"], key=lambda p: p["frequency"])] == [1.0, 2.0, 4.0]
     for path, kind in {"report.html": "text/html", "picture.svg": "image/svg", "data.csv": "text/csv"}.items():
         answer = ui.ask("GET", f"/api/works/{number}/{path}")
@@ -170,6 +172,21 @@ def test_a_session_is_a_study(ui: Ui, tmp_path: Path) -> None:
     assert {a.command.name for a in study.analyses.values()} >= {"nfr", "lin"}
 
 
+def test_a_session_says_what_is_not_in_its_study(ui: Ui) -> None:
+    lin = ui.begin("lin", "fmu:Rudder", inputs=["delC"], outputs=["del"])
+    ui.ended(lin)
+    delays = ui.begin("delays", "system:rudder_loop")
+    ui.ended(delays)
+    crashed = ui.begin("simulate", "fmu:FirstOrderLag", stop="-1")
+    ui.ended(crashed)
+    has, no_study, no_result, *_ = ui.ask("GET", "/api/study.toml").body.decode().splitlines()
+    assert f"lin {lin}" in has
+    assert f"delays {delays}" in no_study
+    assert "one model" in no_study
+    assert f"simulate {crashed}" in no_result
+    assert not {f"delays {delays}", f"simulate {crashed}"} & set(has.split(": ")[1].rstrip(".").split(", "))
+
+
 def test_a_session_without_analyses_is_no_study(tmp_path: Path) -> None:
     with browser_workbench(tmp_path) as server:
         asked = {"command": "check", "subject": ["fmu:FirstOrderLag"], "values": {}, "aside": True}  # as a card does
@@ -237,11 +254,14 @@ def test_what_is_finished_outlives_a_server_that_is_killed(tmp_path: Path) -> No
         assert server.ask("GET", f"/api/works/{done['number']}/report.html").body == report
         listed = {work["number"]: work for work in server.get("/api/start")["works"]}
         assert (listed[cut]["state"], listed[cut]["goes_on"]) == ("stopped", True)
+        assert 4 <= listed[cut]["done"] < listed[cut]["total"]  # points kept
         number = server.ask("POST", f"/api/works/{cut}/go-on", {}).json["number"]
         first = next(e for e in server.events() if e["work"] == number and e["event"] == "progress")
         assert first["done"] > 4  # those of before are not measured again
         assert server.ended(number)["state"] == "done"
         assert server.ask("POST", f"/api/works/{cut}/go-on", {}).status == 422
+        assert server.get(f"/api/works/{cut}")["later"] == number
+        assert {"work": cut, "later": number}.items() <= next(e for e in server.events() if e["work"] == cut).items()
 
 
 def test_a_report_says_when_it_ran_for_how_long_and_by_which_call(ui: Ui) -> None:

@@ -1,7 +1,7 @@
 // Requirements as regions: node --test tests/js
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { marginsIn, masksIn, numberOf, stepRegions, wantedStudy } from "../../workbench/ui/static/limits.js";
+import { marginsIn, masksIn, numberOf, stepRegions, wantedOf, wantedStudy } from "../../workbench/ui/static/limits.js";
 
 const REQUIREMENTS = [
   { name: "a", kind: "gain margin", analysis: "loop", min: 6 }, { name: "b", kind: "gain margin", analysis: "loop", min: 8 },
@@ -51,4 +51,12 @@ test("what is wanted of a loop is a study of it, with the values that sliders ha
   assert.match(text, /kind = "gain"\nfrequency = 1.5\nmin = 0.0\n$/);
   assert.doesNotMatch(text, /phase margin/);
   assert.match(wantedStudy({ model: "a.toml", open: "plant.y", set: {}, db: 6, deg: 45, hz: null }), /loop = "a.toml"\n/);
+});
+
+test("what is wanted is of another file once the values are written there", () => {
+  const asked = { open: "plant.y", db: 6, deg: 45, hz: 1.5 };
+  const before = wantedStudy({ ...asked, model: "system:a", set: { "pi.integral": 2 } });
+  assert.equal(wantedOf(before, "system:a", "a$1.toml"), wantedStudy({ ...asked, model: "a$1.toml", set: {} }));
+  assert.equal(wantedOf(before, "system:b", "a.toml"), null); // of another system
+  assert.equal(wantedOf("name = 'mine'", "system:a", "a.toml"), null);
 });

@@ -1,7 +1,7 @@
 // Numbers of the browser's pictures against closed forms: node --test tests/js
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { between, bode, decibels, difference, extent, locusRanges, nearest, shown, ticks, unitShown, unwrapped, wrapped } from "../../workbench/ui/static/numbers.js";
+import { between, bode, decibels, difference, exact, extent, locusRanges, nearest, shown, ticks, unitShown, unwrapped, withUnit, wrapped } from "../../workbench/ui/static/numbers.js";
 import { sourcesInLoops } from "../../workbench/ui/static/form.js";
 
 const lag = (f, order = 1) => { // (1 / (1 + j f)) ^ order
@@ -14,6 +14,17 @@ const lag = (f, order = 1) => { // (1 / (1 + j f)) ^ order
 };
 const curve = (fs, of, kind = "measured") => ({ kind, frequency_hz: fs, re: fs.map((f) => of(f).re), im: fs.map((f) => of(f).im) });
 const space = (low, high, n) => Array.from({ length: n }, (_, k) => low * (high / low) ** (k / (n - 1)));
+
+test("values of a description are shown as they are", () => {
+  for (const value of [54321.5, 2.06e7, 1 / 3, 1e-9, -0.1, 123456.789, 0, 6.02214076e23]) assert.equal(Number(exact(value)), value);
+  assert.equal(exact(54321.5), "54321.5");
+  assert.equal(exact(2.06e7), "2.06e7");
+  assert.deepEqual([true, "text", null].map(exact), ["yes", "text", "–"]);
+});
+
+test("the unit 1 is not written", () => {
+  assert.deepEqual(["1", null, "", "deg", "m/s2"].map((unit) => withUnit("2", unit)), ["2", "2", "2", "2 deg", "2 m/s²"]);
+});
 
 test("decibels", () => {
   assert.equal(decibels(10, 0), 20);

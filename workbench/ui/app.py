@@ -301,7 +301,7 @@ class _Server:
         return JSONResponse({"name": self.desk.root.name_of(path)})
 
     def study(self, request: Request) -> Response:
-        works = [w for w in list(self.desk.works.values()) if w.headline and not w.aside]
+        works = [w for w in list(self.desk.works.values()) if not w.aside and not w.open]
         return PlainTextResponse(study_of(works))
 
     # -- parts --------------------------------------------------------------------------------------

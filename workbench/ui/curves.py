@@ -14,7 +14,7 @@ from workbench.core.records.record import plain
 from workbench.core.values.decibels import decibels
 from workbench.core.values.response import Response
 from workbench.jobs.store import contents
-from workbench.ui.marks import margin_marks, response_marks
+from workbench.ui.marks import margin_marks, nfr_marks, response_marks
 
 # The server names what a record is, and imports no analysis for it: the page is there before python-control is.
 if TYPE_CHECKING:
@@ -39,8 +39,8 @@ def curves_of(record: object) -> list[dict[str, Any]]:
     """Return the frequency responses that a record holds, ready for JSON.
 
     Each has a `label`, what it is (`kind`: "measured", "linear", "branch"), `frequency_hz`, `re` and `im` of output
-    over input, and lists as long as these where they are known: `error` (relative), `status`, `stable`; and `marks`
-    of its resonance and the like, see `response_marks`.
+    over input, and lists as long as these where they are known: `error` (relative), `status`, `stable`, `offset`
+    (the mean of the output, in words); and `marks` of its resonance and the like, see `response_marks`.
 
     Args:
         record: any.
@@ -72,11 +72,14 @@ def of_response(curve: Response, label: str, kind: str, **more: Any) -> dict[str
 
 
 def _nfr(record: NfrResult) -> Iterator[dict[str, Any]]:
+    from workbench.response.nfr.page import offset_words  # noqa: PLC0415 - as above
+
     for i, amplitude in enumerate(record.amplitude.tolist()):
         curve = record.curve(amplitude)
         yield of_response(
             curve, with_unit(amplitude, record.input_unit), "measured", amplitude=amplitude, status=record.status[i],
-            stable=record.stable[i], marks=response_marks(curve.frequency_hz, curve.value),
+            stable=record.stable[i], offset=[offset_words(record, i, j) for j in range(len(curve.frequency_hz))],
+            marks=nfr_marks(record, i),
         )  # fmt: skip
     yield from (_branch(b, i, record) for i, b in enumerate(record.branches))
 

@@ -130,7 +130,10 @@ class Task(Work):
         return {n: v for n, v in chosen.items() if n not in _ELSEWHERE}
 
     def _told(self, what: object, done: int, total: int) -> None:
+        first = total and not self.total
         self.done, self.total = done, total
+        if first:  # a server that is killed leaves how much there is
+            self._keep_facts()
         to_dict = getattr(what, "to_dict", None)
         point = plain(to_dict()) if to_dict is not None else None
         if point is not None:
@@ -160,6 +163,8 @@ class Desk:
         self._shelf = Shelf(root.folder)
         earlier = (Work.kept(drawer) for drawer in self._shelf.drawers())
         self.works: dict[int, Work] = {work.number: work for work in earlier if work is not None}
+        for work in self.works.values():
+            self._listen(work)
         self._newest = max(self.works, default=0)  # of a work that may have been removed: its events are still told
         # What a page asks does not wait for what a person measures.
         self._threads = {a: ThreadPoolExecutor(_AT_ONCE, thread_name_prefix="work") for a in (False, True)}
@@ -208,7 +213,9 @@ class Desk:
             raise InputError(f"{earlier.command} {earlier.number} cannot go on: nothing of it was kept")
         paths = [self.root.find(name) for name in earlier.subject]
         asked = request_of_form(earlier.command, earlier.given, self.root)
-        return self._begun(earlier.command, asked, earlier.subject, paths, earlier.given, after=earlier)
+        work = self._begun(earlier.command, asked, earlier.subject, paths, earlier.given, after=earlier)
+        earlier.went_on(work.number)
+        return work
 
     def remove(self, work: Work) -> None:
         """Throw away a work and what was kept of it.
@@ -241,10 +248,13 @@ class Desk:
         work.points.extend([] if after is None else after.points)
         if drawer is not None:
             drawer.write(work.facts())
-        work.listen(lambda event, **facts: self._tell(number, event, facts))
+        self._listen(work)
         self._tell(number, "state", work.to_dict())
         self._threads[aside].submit(self._run, work)
         return work
+
+    def _listen(self, work: Work) -> None:
+        work.listen(lambda event, **facts: self._tell(work.number, event, facts))
 
     def _run(self, work: Task) -> None:
         work.run()

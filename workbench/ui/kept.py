@@ -17,6 +17,7 @@ from workbench.core.machine.files import cache_folder, replacing
 from workbench.core.records.lazy import homes_in
 from workbench.core.records.named import named
 from workbench.errors import InputError
+from workbench.jobs.store import contents
 from workbench.requests.origin import FmuOrigin, ModelFacts, Origin
 
 __all__ = ["Drawer", "Shelf", "origin_from_json", "origin_to_json", "restorable"]
@@ -46,6 +47,13 @@ class Drawer:
     def store(self) -> Path:
         """Folder for the finished measurements of a sweep."""
         return self._folder / _STORE
+
+    def finished(self) -> int:
+        """Return how many points of a sweep were finished; of a store that cannot be read none count."""
+        with suppress(InputError):
+            every, _ = contents(self.store)
+            return sum(isinstance(v, dict) and "point" in v for stored in every for v in stored.values.values())
+        return 0
 
     def facts(self) -> dict[str, Any] | None:
         """Return the facts of the work; None: they were never written, or cannot be read."""

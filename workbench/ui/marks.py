@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from workbench.study.tune.result import TuneResult
     from workbench.ui.studies import StudyRecord
 
-__all__ = ["brief_of", "margin_marks", "response_marks"]
+__all__ = ["brief_of", "margin_marks", "nfr_marks", "response_marks"]
 
 _DROP = 20.0 * math.log10(math.sqrt(2.0))  # half the power [dB]
 _FLAT = 1.0  # by so much the gain may change between its first two points where a bandwidth counts from it [dB]
@@ -62,6 +62,30 @@ def response_marks(frequency_hz: Floats, value: Complex) -> list[dict[str, Any]]
         at = math.exp(math.log(hz[k - 1]) + share * math.log(hz[k] / hz[k - 1]))
         marks.append({"what": _FALL, "hz": at, "db": float(db[0] - _DROP), "text": f"−3 dB at {at:.3g} Hz"})
     return marks
+
+
+def nfr_marks(record: NfrResult, i: int) -> list[dict[str, Any]]:
+    """Return the same of one amplitude; where the record has measured a bandwidth or a resonance, that is marked.
+
+    Args:
+        record: of the measurement.
+        i: number of the amplitude.
+    """
+    marks = response_marks(record.frequency_hz, record.response[i])
+    one = next((f for f in record.features if f.amplitude == record.amplitude[i]), None)
+    if one is None:
+        return marks
+    result = [mark for mark in marks if mark["what"] == _RESONANCE]
+    if one.resonance_hz is not None:
+        # It is where the gain is highest; another peak, which stands out more, is marked as the points have it.
+        result = [mark for mark in result if mark["db"] < np.nanmax(record.gain_db[i])]
+        text = f"{one.resonance_gain_db:.4g} dB at {one.resonance_hz:.4g} Hz"
+        result.append({"what": _RESONANCE, "hz": one.resonance_hz, "db": one.resonance_gain_db, "text": text})
+    if one.bandwidth_hz is not None:
+        lowest = float(record.gain_db[i][np.argmin(record.frequency_hz)])
+        text = f"−{one.drop_db:g} dB at {one.bandwidth_hz:.4g} Hz"
+        result.append({"what": _FALL, "hz": one.bandwidth_hz, "db": lowest - one.drop_db, "text": text})
+    return result
 
 
 def _rises(db: Floats) -> Floats:
@@ -105,17 +129,19 @@ def brief_of(record: object) -> str:
 
 
 def _nfr(record: NfrResult) -> Iterator[str]:
-    marks = [mark for row in record.response for mark in response_marks(record.frequency_hz, row)]
+    marks = [mark for i in range(len(record.amplitude)) for mark in nfr_marks(record, i)]
+    digits = 4 if record.features else 3
     falls = [mark["hz"] for mark in marks if mark["what"] == _FALL]
     peaks = [mark["db"] for mark in marks if mark["what"] == _RESONANCE]
     if falls:
-        yield f"−3 dB at {_span([falls[0], falls[-1]])} Hz"
+        drop = record.features[0].drop_db if record.features else 3
+        yield f"−{drop:g} dB at {_span([falls[0], falls[-1]], digits)} Hz"
     if peaks:
-        yield f"peak {_span([peaks[0], peaks[-1]])} dB"
+        yield f"peak {_span([peaks[0], peaks[-1]], digits)} dB"
 
 
-def _span(ends: Sequence[float]) -> str:
-    return " … ".join(dict.fromkeys(f"{x:.3g}" for x in ends))
+def _span(ends: Sequence[float], digits: int) -> str:
+    return " … ".join(dict.fromkeys(f"{x:.{digits}g}" for x in ends))
 
 
 def _loop(record: LoopResult) -> Iterator[str]:

@@ -9,7 +9,7 @@ from typing import Any
 
 from workbench.core.machine.scratch import scratch
 from workbench.core.records.record import plain
-from workbench.errors import WorkbenchError, is_choice
+from workbench.errors import InputError, WorkbenchError, is_choice
 from workbench.requests.origin import Origin
 from workbench.show.result import write_report
 from workbench.ui.forms import kind_named, without_flags
@@ -22,8 +22,10 @@ __all__ = ["DONE", "FAILED", "RUNNING", "STOPPED", "WAITING", "Work"]
 # Facts of a work that are kept as they are.
 _KEPT_FACTS = (
     "name", "given", "asked", "line", "call", "state", "done", "total", "notes", "failure", "headline", "well",
-    "seconds",
+    "seconds", "later",
 )  # fmt: skip
+
+_NEWER = {"name", "later"}  # an older version has not kept them
 
 WAITING, RUNNING, DONE, STOPPED, FAILED = "waiting", "running", "done", "stopped", "failed"
 
@@ -51,6 +53,7 @@ class Work:
         name: that a person gave it; empty: none.
         well: whether the record is what was asked for.
         seconds: that it took.
+        later: number of the work that went on with what this has finished; 0: none.
         drawer: where it is kept; None: nowhere.
     """
 
@@ -69,6 +72,7 @@ class Work:
         self.origin: Origin | None = None
         self.well = True
         self.seconds = 0.0
+        self.later = 0
         self.drawer: Drawer | None = None
         self._record: Any = None
         self._points: list[dict[str, Any]] | None = None
@@ -89,7 +93,7 @@ class Work:
                 return None
             work = cls(drawer.number, facts["command"], facts["subject"])
             for name in _KEPT_FACTS:
-                setattr(work, name, facts[name] if name != "name" else facts.get(name, ""))
+                setattr(work, name, facts.get(name, getattr(work, name)) if name in _NEWER else facts[name])
             work.origin = origin_from_json(facts["origin"]) if facts["origin"] else None
         except (WorkbenchError, KeyError, TypeError, ValueError):  # another version's
             return None
@@ -97,6 +101,7 @@ class Work:
         if work.open:  # the server ended before
             work.state = STOPPED
             work.notes = [*work.notes, "the server ended while this ran"]
+            work.done = drawer.finished()
         return work
 
     @property
@@ -204,6 +209,23 @@ class Work:
             self.drawer.write(self.facts())
         self._change(self.state)
 
+    def went_on(self, later: int) -> None:
+        """Remember which work goes on with what this one has finished; that it cannot be kept is a remark.
+
+        Args:
+            later: its number.
+        """
+        self.later = later
+        self._keep_facts()
+        self._change(self.state)
+
+    def _keep_facts(self) -> None:
+        try:
+            if self.drawer is not None:
+                self.drawer.write(self.facts())
+        except InputError as error:
+            self.notes.append(f"this ends with the server: {error}")
+
     def _change(self, state: str) -> None:
         self.state = state
         self._tell("state", **self.to_dict())
@@ -243,4 +265,5 @@ class Work:
             "has_record": bool(self.headline),
             "goes_on": self.goes_on,
             "seconds": self.seconds,
+            "later": self.later,
         }

@@ -167,7 +167,7 @@ def _bandwidth(row: Sequence[NfrPoint], drop_db: float, measure: Measure) -> tup
     f, gain_db, error = (
         np.array(x, dtype=np.float64) for x in zip(*((p.frequency, _gain_db(p), p.error) for p in row), strict=True)
     )
-    fall = fall_of(f, gain_db + (DROP_DB - drop_db) * (f > f[0]), error)
+    fall = fall_of(f, gain_db + (drop_db - DROP_DB) * (f > f[0]), error)
     if fall is None:
         margin = gain_db - gain_db[0] + drop_db - _in_db(error) - _in_db(error)[0]
         surely = "" if np.all(margin[1:] > 0.0) else "surely "

@@ -254,7 +254,7 @@ def _values(result: NfrResult, i: int) -> Section:
             f"{f:.5g}",
             *(number(float(c[i, j]), form) for c, form in columns),
             _error(result, i, j),
-            _offset(result, i, j),
+            offset_words(result, i, j),
             _thd(float(result.thd[i, j]), float(result.error[i, j])),
             str(result.periods[i, j]),
             NO_EFFECT if result.gain[i, j] == 0.0 else result.status[i][j],
@@ -279,10 +279,15 @@ def _error(result: NfrResult, i: int, j: int) -> str:
     return percent(error) if np.isfinite(error) else number(error)
 
 
-def _offset(result: NfrResult, i: int, j: int) -> str:
+def offset_words(result: NfrResult, i: int, j: int) -> str:
     """Return the mean of the output; below what the error leaves open, and far below its motion, that is all it is.
 
     Where a multiplier is that of an integrator, the motion is periodic about any mean.
+
+    Args:
+        result: of the measurement.
+        i: number of the amplitude.
+        j: number of the frequency.
     """
     certificate = result.certificates[i][j]
     if certificate is not None and any(abs(mu - 1.0) <= NEUTRAL for mu in certificate.multipliers):

@@ -66,8 +66,10 @@ class VariationalEquation:
 
     @property
     def kept(self) -> tuple[complex, ...]:
-        """The largest multipliers, as records keep them."""
-        return tuple(self.multipliers[:_KEPT].tolist())
+        """The largest multipliers, as records keep them; a pair is not parted."""
+        every = self.multipliers
+        parted = len(every) > _KEPT and every[_KEPT - 1].imag != 0.0 and every[_KEPT] == every[_KEPT - 1].conjugate()
+        return tuple(every[: _KEPT + parted].tolist())
 
 
 _KEPT = 6

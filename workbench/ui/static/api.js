@@ -1,7 +1,5 @@
 // What the server knows: what can be opened, forms, and work, which is heard of while it runs.
 
-import { say } from "./dom.js";
-
 export const server = { version: "", folder: "", files: [], palette: [], forms: {}, fileForms: {}, works: new Map() };
 
 const listeners = new Set();
@@ -179,8 +177,5 @@ function hear(last) {
   stream.onopen = () => { gone.hidden = true; };
   stream.onmessage = (message) => heard(JSON.parse(message.data));
   stream.addEventListener("forgotten", () => location.reload());
-  stream.onerror = () => {
-    gone.hidden = false;
-    if (stream.readyState === EventSource.CLOSED) say("The server has ended; start workbench ui again.", true);
-  };
+  stream.onerror = () => { gone.hidden = false; };
 }

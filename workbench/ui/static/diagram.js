@@ -241,9 +241,8 @@ function picture(system, known, chosen, onconnect, onput) {
   for (const [kind, way] of [["inputs", "in"], ["outputs", "out"]]) {
     for (const [label, full] of system[kind]) {
       const p = where(full, way);
-      const same = full.endsWith(`.${label}`);
       const wired = way === "out" && system.connections.some(({ from }) => from === full);
-      if (p) svg.append(s("text", { class: "edge", x: p.x + (way === "in" ? -30 : 10), y: wired ? p.y - 8 : p.y + 4, "text-anchor": way === "in" ? "end" : "start" }, same ? "→" : way === "in" ? `${brief(label)} →` : `→ ${brief(label)}`));
+      if (p) svg.append(s("text", { class: "edge", x: p.x + (way === "in" ? -30 : 10), y: wired ? p.y - 8 : p.y + 4, "text-anchor": way === "in" ? "end" : "start" }, way === "in" ? `${brief(label)} →` : `→ ${brief(label)}`));
     }
   }
   return svg;

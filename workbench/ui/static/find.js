@@ -3,8 +3,8 @@
 import { begin, ended, get, onChange, server, stop } from "./api.js";
 import { fill, h, told, wrongs } from "./dom.js";
 import { write } from "./keep.js";
-import { wantedStudy } from "./limits.js";
-import { shown } from "./numbers.js";
+import { wantedOf, wantedStudy } from "./limits.js";
+import { shown, withUnit } from "./numbers.js";
 
 const MARGINS = [["db", "gain margin"], ["deg", "phase margin"]]; // they must be there; the crossover comes as near as it can
 const MET = 1e-4; // of its scale: so far beyond a limit is at it
@@ -47,13 +47,31 @@ export function finding({ name, open, wanted, study, values, free, found }) {
   }
   /** The study with what is wanted, beside the system: it stays, to be run again; null: it was not to be replaced. */
   async function written() {
-    const [folder, file] = /^(.*\/)?([^/]*)$/.exec(name.includes(":") ? name.split(":")[1] : name).slice(1);
-    const path = `${folder ?? ""}${file.replace(/\.\w+$/, "")}_wanted.toml`;
-    const text = wantedStudy({ model: name.includes(":") ? name : file, open, set: await values(), ...wanted() });
+    const path = besideOf(name);
+    const text = wantedStudy({ model: modelOf(name), open, set: await values(), ...wanted() });
     const there = server.files.some((f) => f.name === path) ? (await get(`/api/text?name=${encodeURIComponent(path)}`)).text : null;
     return there === text || (await write(path, text, there?.startsWith(text.split("\n")[0]) ? there : null)) ? path : null;
   }
   return h("div", {}, h("div", { class: "row" }, go, halt), says);
+}
+
+/** How a study that lies beside a system names it. */
+function modelOf(name) {
+  return name.includes(":") ? name : name.split("/").at(-1);
+}
+
+/** Where the study with what is wanted of a system lies. */
+function besideOf(name) {
+  return `${name.replace(/^\w+:/, "").replace(/\.\w+$/, "")}_wanted.toml`;
+}
+
+/** The study of what is wanted of a system is one of the `file` from now on, into which the values were written. */
+export async function moveWanted(name, file) {
+  const [old, path] = [besideOf(name), besideOf(file)];
+  if (!server.files.some((f) => f.name === old)) return;
+  const { text } = await get(`/api/text?name=${encodeURIComponent(old)}`);
+  const moved = wantedOf(text, modelOf(name), modelOf(file));
+  if (moved && moved !== text) await write(path, moved, path === old ? text : null, `Wrote ${file}; what is wanted of it is in ${path}.`);
 }
 
 /** Whether it is met, to the digits that are shown. */
@@ -65,8 +83,8 @@ function met(r) {
 function missed(r) {
   const name = r.at ? `${r.name} (${r.at})` : r.name;
   const limit = [["min", "≥"], ["max", "≤"], ["equal", "="]].filter(([key]) => key in r.limit).map(([key, sign]) => `${sign} ${shown(r.limit[key])}`).join(", ");
-  if (met(r)) return h("p", { class: "dim" }, `${name}: at its limit, ${shown(r.after)} ${r.unit ?? ""}`);
-  return told({ word: r.after === null ? "failed" : "violated", tone: "bad", text: `${name}: ${r.after === null ? r.reason : `${shown(r.after)} ${r.unit ?? ""}, wanted ${limit}`}${r.where ? ` (${r.where})` : ""}` });
+  if (met(r)) return h("p", { class: "dim" }, `${name}: at its limit, ${withUnit(shown(r.after), r.unit)}`);
+  return told({ word: r.after === null ? "failed" : "violated", tone: "bad", text: `${name}: ${r.after === null ? r.reason : `${withUnit(shown(r.after), r.unit)}, wanted ${limit}`}${r.where ? ` (${r.where})` : ""}` });
 }
 
 /** What is met, and holds back what is not. */

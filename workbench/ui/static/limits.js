@@ -1,5 +1,9 @@
 // Requirements of a study, drawn where a loop is tuned: what its curves have to stay out of. No page is touched here.
 
+import { shown } from "./numbers.js";
+
+const GROUND = 18; // points at each amplitude that are measured
+const [DOWN, UP] = [10, 3]; // times the linear crossover: limits pull it down, seldom up
 const FAR = 1e4; // as far as a region reaches where nothing ends it
 
 /** The largest least value, of a kind of requirement. */
@@ -53,16 +57,32 @@ export function wantedStudy({ model, open, set, db, deg, hz }) {
     ["crossover", hz, `kind = "gain"\nfrequency = ${toml(hz)}\nmin = 0.0`],
   ].filter(([, value]) => value !== null);
   return [
-    `# What is wanted of ${model}, opened at ${open}; the browser writes it anew when it is to be found.`, "[models]",
+    `${heading(model)}${open}; the browser writes it anew when it is to be found.`, "[models]",
     `loop = ${changed.length ? `{model = ${JSON.stringify(model)}, set = {${changed.join(", ")}}}` : JSON.stringify(model)}`, "",
     "[analyses.margins]", 'command = "loop"', 'model = "loop"', `open = ${JSON.stringify(open)}`,
     ...asked.map(([name, , lines]) => `\n[[requirements]]\nname = "${name}"\nanalysis = "margins"\n${lines}`),
   ].join("\n") + "\n";
 }
 
+/** How such a study begins. */
+function heading(model) {
+  return `# What is wanted of ${model}, opened at `;
+}
+
+/** Such a study of another model, whose file has the values; null: it is no such study. */
+export function wantedOf(text, model, other) {
+  if (!text.startsWith(heading(model))) return null;
+  return (heading(other) + text.slice(heading(model).length)).replace(/^loop = .*$/m, () => `loop = ${JSON.stringify(other)}`);
+}
+
 /** A number as TOML has it. */
 function toml(value) {
   return Number.isInteger(value) ? `${value}.0` : String(value);
+}
+
+/** Where a loop with its limits is measured, as `loop` takes it: around the crossover [Hz] of the linear one. */
+export function bandAround(crossing) {
+  return { band: `${shown(crossing / DOWN, 4)}:${shown(crossing * UP, 4)}`, ratio: String(shown((DOWN * UP) ** (1 / GROUND), 4)), refine: "1" };
 }
 
 /** Margins in a picture: a bar from the curve to the border. */

@@ -5,7 +5,7 @@ import { buildPage } from "./build.js";
 import { dataPage } from "./data.js";
 import { code, fill, h } from "./dom.js";
 import { address, measure, whyNot } from "./measure.js";
-import { shown, unitShown } from "./numbers.js";
+import { exact, unitShown } from "./numbers.js";
 import { operatingPoint } from "./operating.js";
 import { range } from "./picker.js";
 import { studyPage } from "./study.js";
@@ -120,7 +120,7 @@ function variableTable(all) {
     const first = Math.max(0, Math.floor(box.scrollTop / height) - 5);
     const seen = rows.slice(first, first + Math.ceil((box.clientHeight || 420) / height) + 10);
     fill(inner, seen.map((v, i) => h("div", { class: "line", style: `top: ${(first + i) * height}px` },
-      h("span", { title: v.name }, v.name), h("span", { class: "dim" }, v.kind), h("span", { class: "number" }, shown(v.start)), h("span", { class: "dim" }, unitShown(v.unit)), h("span", { class: "dim" }, range(v)), h("span", { class: "dim", title: v.description ?? "" }, v.description ?? ""))));
+      h("span", { title: v.name }, v.name), h("span", { class: "dim" }, v.kind), h("span", { class: "number", title: exact(v.start) }, exact(v.start)), h("span", { class: "dim" }, unitShown(v.unit)), h("span", { class: "dim" }, range(v)), h("span", { class: "dim", title: v.description ?? "" }, v.description ?? ""))));
   };
   const search = h("input", {
     type: "search", class: "wide", placeholder: "Search name, description, unit", "aria-label": "Search variables",

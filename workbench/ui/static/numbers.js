@@ -137,6 +137,18 @@ export function unitShown(unit) {
   return !unit || unit === "1" ? "" : unit.replace(/(?<=[A-Za-z])[234](?![\w])/g, (d) => "²³⁴"[d - 2]);
 }
 
+/** A value with its unit, if it has one. */
+export function withUnit(text, unit) {
+  return `${text} ${unitShown(unit)}`.trimEnd();
+}
+
+/** A value as it is: the shortest text that gives the number back. */
+export function exact(value) {
+  if (typeof value !== "number" || !Number.isFinite(value)) return shown(value);
+  const size = Math.abs(value);
+  return size >= 1e6 || (size < 1e-3 && size > 0) ? value.toExponential().replace("e+", "e") : String(value);
+}
+
 /** A number for a table or a cursor. */
 export function shown(value, digits = 5) {
   if (value === null || value === undefined || Number.isNaN(value)) return "–";

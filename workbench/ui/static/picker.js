@@ -1,7 +1,7 @@
 // A list of variables under a field, searched by name, unit and description while one types; of 100,000 as of ten.
 
 import { fill, h } from "./dom.js";
-import { shown, unitShown } from "./numbers.js";
+import { exact, unitShown } from "./numbers.js";
 
 const MOST = 60; // lines at once
 const PAGE = 8; // lines that PageDown goes
@@ -94,5 +94,5 @@ export function withPicker(input, variables, after = "") {
 /** The range that the FMU declares for a variable, in words; empty: none. */
 export function range({ min = null, max = null }) {
   if (min === null && max === null) return "";
-  return min === null ? `≤ ${shown(max)}` : max === null ? `≥ ${shown(min)}` : `${shown(min)} … ${shown(max)}`;
+  return min === null ? `≤ ${exact(max)}` : max === null ? `≥ ${exact(min)}` : `${exact(min)} … ${exact(max)}`;
 }

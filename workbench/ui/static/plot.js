@@ -236,6 +236,7 @@ export class Plot {
     if (!worded.length) return;
     const lines = this.curves.filter((c) => !this.hidden.has(c.label)).flatMap((c) => this.pixels(c, scale));
     for (const n of seen) if (n.to !== undefined) lines.push([[n.at.x, n.at.y], [n.at.x, scale.y.at(n.to)]]);
+    for (const { axis, value } of this.lines) lines.push(axis === "y" ? [[LEFT, scale.y.at(value)], [right, scale.y.at(value)]] : [[scale.x.at(value), TOP], [scale.x.at(value), bottom]]);
     const places = placed(worded, lines, { left: LEFT + 2, right: right - 2, top: TOP + 2, bottom: bottom - 2 });
     worded.forEach((n, i) => {
       const { x, y, align, leads } = places[i];

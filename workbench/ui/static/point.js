@@ -18,7 +18,7 @@ export function pointOf({ curve, index }, picture) {
     ["stable", curve.stable ? shown(curve.stable[index] === null ? null : Boolean(curve.stable[index])) : null], ["status", curve.status?.[index]],
   ];
   const certificate = told?.certificate;
-  if (told) rows.push(["periods run", shown(told.periods)], ["offset", `${shown(told.offset)} ${unit}`], ["why it failed", told.reason], ["remark", told.warning]);
+  if (told) rows.push(["periods run", shown(told.periods)], ["offset", curve.offset ? `${curve.offset[index]} ${unit}` : null], ["why it failed", told.reason], ["remark", told.warning]);
   if (certificate) rows.push(["method", certificate.method], ["total harmonic distortion", certificate.thd === null ? null : `${shown(100 * certificate.thd, 3)} %`], ["distance to a fold", certificate.fold_distance === null ? null : shown(certificate.fold_distance, 3)], ["gain of another periodic response", certificate.other_gain === null ? null : shown(certificate.other_gain, 4)], ["why it did not settle", certificate.why]);
   const beside = neighbours(curve, index);
   const run = h("div");

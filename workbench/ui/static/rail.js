@@ -65,13 +65,23 @@ function run(work) {
   const tick = OVERLAID.has(work.command) && work.has_record ? h("input", { type: "checkbox", checked: isOverlaid(work.number), title: "Lay its curves over every picture", "aria-label": `Lay ${nameOf(work)} over every picture`, onchange: () => overlayRun(work.number, tick.checked).catch((error) => { tick.checked = false; say(error.message, true); }) }) : null;
   return h("li", {}, h("span", { class: "tick" }, tick), h("a", { href: `#/run/${work.number}`, "data-work": work.number },
     h("span", { class: "clip" }, nameOf(work)), h("span", { class: { failed: "state bad", stopped: "state watch", done: "state dim" }[work.state] ?? "state good" }, far(work)),
-    h("span", { class: "brief clip" }, work.brief || work.failure?.message || work.verdicts?.[0]?.text || work.lead || ""), h("span", { class: "dim clip" }, work.subject.join(", "))),
+    h("span", { class: "brief clip" }, rest(work)), h("span", { class: "brief clip" }, work.brief || work.failure?.message || work.verdicts?.[0]?.text || work.lead || ""), h("span", { class: "dim clip" }, work.subject.join(", "))),
   running ? h("progress", { max: work.total || 1, value: work.total ? work.done : null, "aria-label": nameOf(work) }) : h("button", { type: "button", class: "bare away", "aria-label": `Throw ${nameOf(work)} away`, title: "Throw this run away", onclick: () => remove(work.number).catch((error) => say(error.message, true)) }, "×"));
+}
+
+function count(work) {
+  return `${work.done} of ${work.total} ${work.total === 100 && work.counts === "points" ? "%" : work.counts}`;
+}
+
+/** What there is of a run that has not come to its end, in words. */
+function rest(work) {
+  if (work.later) return `It went on as ${work.command} ${work.later}`;
+  return work.goes_on && work.total ? `${count(work)} kept` : "";
 }
 
 /** How far a run is, in words. */
 function far(work) {
-  if (work.state === "running" && work.total) return `${work.done} of ${work.total} ${work.total === 100 && work.counts === "points" ? "%" : work.counts}`;
+  if (work.state === "running" && work.total) return count(work);
   return work.state === "done" && !work.well ? "not all well" : work.state;
 }
 

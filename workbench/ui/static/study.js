@@ -13,7 +13,7 @@ const drafts = new Map(); // study → {text, was}: what was not written yet
 export async function studyPage([name, number = null]) {
   const bundled = name.includes(":");
   const { text } = await get(`/api/text?name=${encodeURIComponent(name)}`);
-  const page = new StudyPage(name, bundled ? `${name.split(":")[1]}.toml` : name, bundled ? "" : text, drafts.get(name) ?? text);
+  const page = new StudyPage(name, bundled ? `${name.split(":")[1]}.toml` : name, text, drafts.get(name) ?? text);
   await page.check();
   const last = number === null ? [...server.works.values()].filter((w) => ["run", "envelope"].includes(w.command) && w.subject[0] === name).pop() : server.works.get(number);
   if (last) await page.watch(last.number);
@@ -21,7 +21,7 @@ export async function studyPage([name, number = null]) {
 }
 
 class StudyPage {
-  /** `was`: text of the file, empty: there is none yet. */
+  /** `was`: text of the study as it is run; `file`: where it is written, another one where it is read-only. */
   constructor(name, file, was, text) {
     Object.assign(this, { name, was, told: { mistakes: [], analyses: [], requirements: [], envelope: false }, rows: new Map() });
     this.editor = new Editor(text, { label: "Study file", onchange: () => this.changed() });
@@ -53,8 +53,8 @@ class StudyPage {
     const open = text !== this.was;
     if (open) drafts.set(this.name, text);
     else drafts.delete(this.name);
-    this.writing.disabled = !open;
-    this.state.textContent = open && this.was ? "changed" : "";
+    this.writing.disabled = !open && !this.name.includes(":"); // of a read-only one a copy can be written
+    this.state.textContent = open ? "changed" : "";
     clearTimeout(this.waits);
     this.waits = setTimeout(() => this.check(), RESTS);
   }
@@ -88,11 +88,11 @@ class StudyPage {
     });
     const over = envelope && this.work?.lead ? this.work : null; // what the map has come to
     const cells = ({ r, row }) => h("tr", {}, h("td", { class: TONES[row?.verdict] ?? "dim" }, row?.verdict ?? (over ? "see the map" : "not run")),
-      h("th", { scope: "row" }, h("button", { type: "button", class: "bare", title: "Show it in the text", onclick: () => this.editor.go(r.line) }, row?.point ? `${r.name} (${row.point})` : r.name), h("span", { class: "dim" }, ` ${r.kind} of ${r.analysis}`), row?.reason ? h("span", { class: "watch" }, row.reason) : null),
-      ...["value", "limit", "margin"].map((key) => h("td", { class: "number" }, row?.[key] ?? "")), h("td", {}, row?.where ?? ""));
+      h("th", { scope: "row" }, h("button", { type: "button", class: "bare", title: "Show it in the text", onclick: () => this.editor.go(r.line) }, row?.point ? `${r.name} (${row.point})` : r.name), h("span", { class: "dim" }, ` ${r.kind} of ${r.analysis}`), row?.where ? h("span", { class: "dim" }, row.where) : null, row?.reason ? h("span", { class: "watch" }, row.reason) : null),
+      ...["value", "limit", "margin"].map((key) => h("td", { class: "number" }, row?.[key] ?? "")));
     const met = [...this.rows.values()].filter((row) => row.verdict === "passed").length;
     fill(this.table, h("h2", {}, rows.length ? `Requirements${this.rows.size ? `: ${met} of ${this.rows.size} met` : over ? "" : ": not run yet"}` : "No requirements yet"),
-      rows.length ? h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "Requirements" }, h("table", {}, h("thead", {}, h("tr", {}, ["verdict", "requirement", "value", "limit", "margin", "where"].map((t) => h("th", { scope: "col" }, t)))), h("tbody", {}, rows.map(cells)))) : null,
+      rows.length ? h("div", { class: "scroll", tabIndex: 0, role: "region", "aria-label": "Requirements" }, h("table", {}, h("thead", {}, h("tr", {}, ["verdict", "requirement", "value", "limit", "margin"].map((t) => h("th", { scope: "col" }, t)))), h("tbody", {}, rows.map(cells)))) : null,
       over ? h("p", { class: over.well ? "good" : "bad" }, over.lead) : envelope ? h("p", { class: "dim" }, "It has an envelope: its requirement is mapped over the parameters.") : null);
     const names = analyses.map((a) => a.name).join(" ");
     if (names !== this.offered) this.offer(analyses);
@@ -125,24 +125,33 @@ class StudyPage {
     fill(this.adding, analyses.length ? h("details", {}, h("summary", {}, "Add a requirement"), h("div", { class: "field" }, h("label", { for: "kind" }, "Kind"), kind), place, h("button", { type: "button", class: "quiet", onclick: add }, "Write it into the text")) : null);
   }
 
-  async write() {
-    const { text } = this.editor;
-    const own = this.file.value === this.name && this.was;
-    if (!(await write(this.file.value, text, own ? this.was : null))) return false;
+  /** Write the text into its file, and return the name of that; null: it was not to be replaced. */
+  async kept() {
+    const [{ text }, file] = [this.editor, this.file.value];
+    if (!(await write(file, text, file === this.name ? this.was : null))) return null;
     drafts.delete(this.name);
-    if (this.file.value !== this.name) {
-      location.hash = `#/open/${encodeURIComponent(this.file.value)}`;
-      return false;
+    if (file === this.name) {
+      this.was = text;
+      this.changed();
     }
-    this.was = text;
-    this.changed();
-    return true;
+    return file;
   }
 
+  async write() {
+    const file = await this.kept();
+    if (file && file !== this.name) location.hash = `#/open/${encodeURIComponent(file)}`;
+  }
+
+  /** Run what stands there: what was changed is written first. */
   async run() {
-    if (this.editor.text !== this.was && !(this.name.includes(":") && !drafts.has(this.name)) && !(await this.write())) return;
+    const file = this.editor.text === this.was ? this.name : await this.kept();
+    if (!file) return;
     try {
-      const work = await begin(this.told.envelope ? "envelope" : "run", this.name, {});
+      const work = await begin(this.told.envelope ? "envelope" : "run", file, {});
+      if (file !== this.name) {
+        location.hash = `#/run/${work.number}`;
+        return;
+      }
       this.rows.clear();
       await this.watch(work.number);
       this.place.scrollIntoView({ block: "start" }); // it is below the text

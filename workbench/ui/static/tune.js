@@ -3,27 +3,27 @@
 import { beginDraft, ended, factsOf, forget, get, lookAgain, post, server } from "./api.js";
 import { DEPTH } from "./bode.js";
 import { fill, h, say, wrongs } from "./dom.js";
-import { TONES, figures } from "./figures.js";
-import { finding } from "./find.js";
+import { TONES, endsOf, figures } from "./figures.js";
+import { finding, moveWanted } from "./find.js";
 import { sourcesInLoops } from "./form.js";
 import { closedHandles, handlesOf } from "./handles.js";
 import { write } from "./keep.js";
-import { circle, marginsIn, masksIn, notesOf, numberOf, stepRegions } from "./limits.js";
+import { bandAround, circle, marginsIn, masksIn, notesOf, numberOf, stepRegions } from "./limits.js";
 import { head } from "./model.js";
-import { bode, locusRanges, shown, unitShown } from "./numbers.js";
+import { bode, exact, locusRanges, shown, unitShown } from "./numbers.js";
 import { Plot, colour, ramp } from "./plot.js";
 
 const NEAR = 4; // times the crossover are the poles away that the root locus shows
 const REACH = 1.5; // decades to both sides of where a slider starts
 const RESTS = 1200; // after so long a value counts as chosen, and the loop is measured with it [ms]
 const GAIN = "loop gain";
+const carried = new Map(); // system → what was wanted of it when it was written, which stays
 const BELOW = 0.995; // of a crossover, so that its three digits are met
 const LOWEST = -60; // of the gain picture [dB]
 const SAME = 1e-6; // relative: two loops are one
 // Parameters that scale a block as a whole.
 const SCALES = { gain: ["gain"], lead_lag: ["gain"], integrator: ["gain"], pi: ["proportional", "integral"], pid: ["proportional", "integral", "derivative"] };
 const CYCLING = new Set(["saturation", "dead_band", "relay", "backlash", "rate_limiter", "quantiser", "friction", "lookup"]); // kinds that limit cycles come from
-const GROUND = 14; // points at each amplitude that are measured
 
 export async function tunePage([name, place = ""]) {
   const known = await factsOf(name);
@@ -80,7 +80,9 @@ class Workspace {
     this.writing = h("button", { type: "button", onclick: () => this.write() }, "Write into the system");
     this.file = h("input", { type: "text", id: "file", value: name.includes(":") ? `${name.split(":")[1]}.toml` : name, spellcheck: false });
     const wanted = (id, label, value) => h("input", { type: "text", id, "aria-label": label, inputMode: "decimal", value, onchange: () => this.draw() });
-    this.wanted = { db: wanted("wanted-db", "wanted gain margin, dB", "6"), deg: wanted("wanted-deg", "wanted phase margin, degrees", "45"), hz: wanted("wanted-hz", "wanted crossover, Hz", "") };
+    const { db = "6", deg = "45", hz = null } = carried.get(name) ?? {};
+    this.crossing = hz;
+    this.wanted = { db: wanted("wanted-db", "wanted gain margin, dB", db), deg: wanted("wanted-deg", "wanted phase margin, degrees", deg), hz: wanted("wanted-hz", "wanted crossover, Hz", hz ?? "") };
     this.finder = this.parameters.length > 1 ? finding({
       name, open, study: () => this.required?.name ?? null, values: () => this.measurable(), found: (values) => this.take(values),
       wanted: () => this.least(),
@@ -142,12 +144,12 @@ class Workspace {
   /** A parameter: its name, a number, and a slider that begins where the file has it. */
   knob(p) {
     const id = `tune-${p.name}`;
-    const number = h("input", { id, type: "text", inputMode: "decimal", value: shown(p.value, 6), "aria-describedby": p.help ? `${id}-help` : null });
+    const number = h("input", { id, type: "text", inputMode: "decimal", value: exact(p.value), "aria-describedby": p.help ? `${id}-help` : null });
     const log = p.value !== 0;
     const slider = h("input", { type: "range", min: log ? -REACH : -1, max: log ? REACH : 1, step: log ? 0.01 : 0.01, value: 0, "aria-label": `${p.name}, slider` });
     const of = (x) => (log ? p.value * 10 ** x : x);
     const show = (value) => {
-      number.value = shown(value, 5);
+      number.value = exact(value);
       number.removeAttribute("aria-invalid");
       slider.value = log ? Math.log10(Math.max(1e-12, value / p.value)) : value;
     };
@@ -192,8 +194,9 @@ class Workspace {
   /** A point of the root locus was clicked: this is the factor on the loop there. */
   chosen(factor) {
     this.remember();
-    this.knobs.get(GAIN).show(factor);
-    this.set(GAIN, Number(factor.toPrecision(5)));
+    const rounded = Number(factor.toPrecision(5));
+    this.knobs.get(GAIN).show(rounded);
+    this.set(GAIN, rounded);
   }
 
   /** A pole or a zero is dragged: its parameters follow. */
@@ -375,10 +378,10 @@ class Workspace {
     try {
       this.measuring.textContent = "Measuring …";
       const crossing = this.told.margins.gain_crossovers.at(-1)?.frequency_hz;
-      const full = await this.background({ open: this.open, amplitudes: this.amplitude.value, ...(crossing ? { band: `${shown(crossing / 3, 4)}:${shown(crossing * 3, 4)}`, ratio: String(shown(9 ** (1 / GROUND), 4)), refine: "1" } : {}) });
+      const full = await this.background({ open: this.open, amplitudes: this.amplitude.value, ...(crossing ? bandAround(crossing) : {}) });
       if (!full) return;
       this.measured = full.curves.filter((c) => c.kind === "measured");
-      this.loud = full.record.measured.map((m) => ({ label: `at ${shown(m.amplitude, 4)} ${unitShown(full.record.unit)}`, margins: m.margins }));
+      this.loud = full.record.measured.map((m) => ({ label: `at ${shown(m.amplitude, 4)} ${unitShown(full.record.unit)}`, margins: m.margins, ends: endsOf(m.points) }));
       const texts = full.verdicts.filter((v) => !v.text.startsWith("linear")).map((v) => v.text);
       fill(this.measuring, this.loud.map(({ label, margins: { closed_loop: word } }, i) => h("span", { class: TONES[word] ?? "watch", title: texts[i] ?? "" }, `${word} ${label}. `)));
       this.draw();
@@ -391,14 +394,13 @@ class Workspace {
     try {
       const values = await this.measurable();
       const changed = Object.entries(values); // all digits: a margin may be met by less than a rounded one would leave
-      if (!changed.length) {
-        say("Nothing is changed.");
-        return;
-      }
+      if (!changed.length) return say("Nothing is changed.");
       const { text: was } = await get(`/api/text?name=${encodeURIComponent(this.name)}`);
       let text = was;
       for (const [n, v] of changed) ({ text } = await post("/api/diagram", { name: this.name, text, change: ["set", n, Number.isInteger(v) ? `${v}.0` : String(v)] }));
       if (!(await write(this.file.value, text, this.file.value === this.name ? was : null))) return;
+      carried.set(this.file.value, Object.fromEntries(Object.entries(this.wanted).map(([key, { value }]) => [key, value])));
+      await moveWanted(this.name, this.file.value);
       forget(this.file.value);
       await lookAgain();
       if (this.file.value !== this.name) location.hash = `#/tune/${encodeURIComponent(this.file.value)}/${encodeURIComponent(this.open)}`;

@@ -70,7 +70,8 @@ export function live(number, { onband = null, onagain = null, ongoing = null }) 
     halt.hidden = !running;
     if (document.activeElement !== name) name.value = nameOf(work);
     fill(said, h("strong", { class: STATES[work.state] ?? "" }, work.state === "done" && !work.well ? "done, not all well" : work.state), " ",
-      h("span", { class: "dim" }, running ? [work.total ? `${work.done} of ${work.total}` : "", work.words ?? (work.total ? "" : "opening the model …")].join(" ") : work.seconds ? `${shown(work.seconds, 3)} s` : ""));
+      h("span", { class: "dim" }, running ? [work.total ? `${work.done} of ${work.total}` : "", work.words ?? (work.total ? "" : "opening the model …")].join(" ") : work.seconds ? `${shown(work.seconds, 3)} s` : ""),
+      work.later ? [" It went on as ", h("a", { href: `#/run/${work.later}` }, `${work.command} ${work.later}`), ", which has its points."] : null);
     fill(more,
       work.goes_on && ongoing ? h("button", { type: "button", class: "quiet", title: "Measure what is missing; what is finished stays", onclick: () => ongoing(number) }, "Go on") : null,
       work.state === "stopped" && !work.goes_on && onagain ? h("button", { type: "button", class: "quiet", onclick: () => onagain({}) }, "Run again") : null);
