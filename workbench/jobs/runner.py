@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 
-from workbench.core.machine.blas import one_thread
 from workbench.core.machine.closable import Closable
 from workbench.errors import LostError
 from workbench.jobs.worker_main import Task
@@ -36,9 +35,8 @@ class WorkItem(ABC):
 
 
 def perform(model: Model, job: WorkItem) -> Iterator[Any]:
-    """Do a job: the task that is handed to a `Runner` with a queue of jobs; they are what runs side by side."""
-    with one_thread():
-        yield from job.run(model)
+    """Do a job: the task that is handed to a `Runner` with a queue of jobs."""
+    return job.run(model)
 
 
 def yielded(task: Task, job: object) -> Any:  # noqa: ANN401 - a type

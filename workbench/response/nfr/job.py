@@ -9,6 +9,7 @@ from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 
+from workbench.core.machine.blas import one_thread
 from workbench.core.values.arrays import Floats
 from workbench.core.values.operating_point import OperatingPoint
 from workbench.errors import InputError, WorkbenchError
@@ -93,7 +94,8 @@ class SurroundingsJob(WorkItem):
 
     def run(self, model: Model) -> Iterator[Surroundings]:
         seen = quick(self.task.frequency, self.task.max_periods)
-        result = surroundings(model, self.task.input, self.task.output, seen)
+        with one_thread():
+            result = surroundings(model, self.task.input, self.task.output, seen)
         yield replace(result, own_step=own_step(model, replace(self.task, rates=result.rates)))
 
 
@@ -204,7 +206,7 @@ class PointsJob(WorkItem):
         Raises:
             FmuError, SimulationError: a session cannot be opened; no other point would fare better.
         """
-        with opened as model, ExitStack() as stack:
+        with opened as model, one_thread(), ExitStack() as stack:
             session: Session | None = None
             still: Session | None = None
             known: Floats | None = None
