@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from workbench.core.machine.blas import one_thread
 from workbench.core.values.arrays import Floats
 from workbench.core.values.calendar import PeriodsError
 from workbench.core.values.operating_point import OperatingPoint, told
@@ -60,7 +61,8 @@ def run(model: Model, request: Trim, job: Job) -> TrimResult:
         u0={**begin_u, **(request.u0 or {})},
     )
     begins = model.start_time if request.time is None else request.time
-    result = _TrimRun(model, sets, begins, request, job).run()
+    with one_thread():
+        result = _TrimRun(model, sets, begins, request, job).run()
     return replace(result, notes=(*remarks, *result.notes))
 
 
