@@ -37,11 +37,11 @@ def one_thread() -> Iterator[None]:
     last one gives the threads back.
     """
     with _HOLD.lock:
-        _HOLD.inside += 1
         loaded = tuple(name for name in _BRINGING if name in sys.modules)
         if loaded != _HOLD.loaded:
             _HOLD.limits.append(_libraries(loaded).limit(limits=1, user_api="blas"))
             _HOLD.loaded = loaded
+        _HOLD.inside += 1  # last: what fails above holds nothing
     try:
         yield
     finally:

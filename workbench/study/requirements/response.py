@@ -74,7 +74,7 @@ class _Interpolated(OfResponse, Limited):
     """A value that may lie between two points of a measured response."""
 
     def doubt(self, value: float, *ends: float) -> float:
-        """Return how far a value may be off towards its limits: it lies somewhere between its ends."""
+        """Return how far a value may be off towards its limits, where the response does not turn between its ends."""
         towards_min = self.min is not None or self.max is None
         towards_max = self.max is not None or self.min is None
         return max(towards_min * (value - min(ends)), towards_max * (max(ends) - value))
@@ -84,7 +84,7 @@ class _AtFrequency(_Interpolated):
     """A value at one frequency.
 
     Between two measured ones it is interpolated, over log frequency, and they are told: a limit that lies between what
-    was measured at the two is not met, since nothing is known of the curve there.
+    was measured at the two is not met. A response that turns between them is not seen: its points are too far apart.
 
     Attributes:
         frequency: [Hz].
@@ -193,7 +193,7 @@ class _Crossed:
     """Where values fall to a level.
 
     Attributes:
-        value: where [Hz].
+        value: by a straight line, or a point at the level itself [Hz].
         low, high: the points before and after it [Hz].
     """
 
