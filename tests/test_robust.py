@@ -21,6 +21,7 @@ from workbench.core.values.linear import Linear
 from workbench.errors import InputError
 from workbench.loops.mu.blocks import MuBlock
 from workbench.loops.mu.peak import peak
+from workbench.loops.robust import uncertain
 from workbench.loops.robust.fraction import fraction
 from workbench.loops.robust.page import robust_page
 
@@ -131,6 +132,17 @@ def test_a_range_over_which_the_loop_may_be_unstable_has_no_worst_gain(routh: Pa
     assert found.stability.lower == pytest.approx(0.1 / 0.3, rel=0.03)
     assert found.worst_gain is not None
     assert found.worst_gain.lower == math.inf
+
+
+def test_unstable_sets_are_sought_where_bounds_would_take_hours(routh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(uncertain, "_COPIES", 0)
+    with wb.load(routh) as model:
+        found = wb.robust(model, uncertain={"k.gain": (0.1, 0.7)}, in_process=True)
+    assert found.stability.lower == 0.0
+    assert found.stability.upper == pytest.approx(2.0 / 3.0, rel=0.01)  # Routh: k = 0.6
+    assert found.stability.verdict == "unstable"
+    assert any("nothing is proved" in note and "k.gain 1" in note for note in found.notes)
+    assert robust_page(found).facts["stability margin"] == "nothing is proved, unstable from 0.667 times on"
 
 
 def test_a_block_that_is_too_large_by_itself_ends_the_search_for_a_level() -> None:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 import workbench as wb
 from scripts.promises.conflicts import feasible, named, planted
@@ -156,6 +157,27 @@ def test_derivatives_are_those_of_differences(kind: str, options: dict[str, Any]
     for k, name in enumerate(VALUES):
         ends = [least(kind, options, of.at({**VALUES, name: VALUES[name] + s * width}))[0] for s in (1.0, -1.0)]
         assert exact[k] == pytest.approx((ends[0] - ends[1]) / (2.0 * width), abs=1e-3 * np.abs(exact).max() + 1e-9)
+
+
+@pytest.mark.parametrize(("kind", "options", "loop"), [
+    *((k, KINDS_OF_LIN[k], False) for k in ("h-infinity norm", "mask")),
+    *((k, o, True) for k, o in KINDS_OF_LOOP.items()),
+])  # fmt: skip
+def test_modes_that_nothing_moves_change_no_reading(kind: str, options: dict[str, Any], loop: bool) -> None:
+    """With them the grids of the open and the closed loop are one but for rounding, so that no point is highest."""
+    for seed in range(20):
+        value = 0.05 + 0.9 * np.random.default_rng(seed).random(len(VALUES))
+        of = family(loop=loop)
+        member = of.at(dict(zip(VALUES, value.tolist(), strict=True)))
+        if any(r.value >= 0.0 for r in closed_poles(member, loop=loop)):
+            continue
+        rest, n = of.rest, len(of.rest.A) + 2
+        turn, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(n, n)))
+        A = turn @ block_diag(rest.A, [[-1e-2]], [[-1e3]]) @ turn.T
+        B, C = turn[:, : n - 2] @ rest.B, np.hstack([rest.C, np.ones((len(rest.C), 2))]) @ turn.T
+        hidden = replace(of, rest=replace(rest, A=A, B=B, C=C))
+        besides = hidden.at(dict(zip(VALUES, value.tolist(), strict=True)))
+        assert least(kind, options, besides)[0] == pytest.approx(least(kind, options, member)[0], rel=1e-4, abs=1e-5)
 
 
 def test_poles_of_a_closed_loop_move_as_differences_say() -> None:

@@ -136,6 +136,7 @@ def _field(name: str, declared: DeclaredOption, group: str, *, needed: bool) -> 
         "sample": _sample(declared),
         "choices": list(declared.choices),
         "group": group,
+        "first": option.first,
         "required": needed,
         "default": declared.default if declared.type is bool else ", ".join(t.partition("=")[2] for t in default),
     }

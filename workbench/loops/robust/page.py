@@ -42,19 +42,21 @@ def _lead(result: RobustResult) -> str:
         return f"Stable for all parameters in their ranges{parts}."
     if s.verdict == "unstable":
         return "Unstable for some parameters in their ranges."
-    return "Whether it is stable for all parameters in their ranges is not decided: the bounds leave a gap."
+    why = "the bounds leave a gap" if s.lower > 0.0 else "nothing is proved, and no unstable set was found in them"
+    return f"Whether it is stable for all parameters in their ranges is not decided: {why}."
 
 
 def _between(lower: float, upper: float, up_to: float) -> str:
     """Say up to which multiple of the ranges the model is stable."""
+    sure = f"stable up to {lower:.3g} times the ranges" if lower > 0.0 else "nothing is proved"
     if math.isinf(upper):
-        return f"stable up to {lower:.3g} times the ranges; no unstable set was found up to {up_to:.3g} times"
-    return f"stable up to {lower:.3g} times the ranges, unstable from {upper:.3g} times on"
+        return f"{sure}; no unstable set was found up to {up_to:.3g} times"
+    return f"{sure}, unstable from {upper:.3g} times on"
 
 
 def _verdicts(result: RobustResult) -> list[Verdict]:
     s = result.stability
-    gap = f" (gap {100.0 * (1.0 - s.lower / s.upper):.2g} %)" if math.isfinite(s.upper) and s.upper > 0.0 else ""
+    gap = f" (gap {100.0 * (1.0 - s.lower / s.upper):.2g} %)" if math.isfinite(s.upper) and s.lower > 0.0 else ""
     of = "with Padé approximations of the delays: " if s.approximate else ""
     verdicts = [Verdict(s.verdict, of + _between(s.lower, s.upper, s.up_to) + gap)]
     gain = result.worst_gain

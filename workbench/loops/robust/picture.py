@@ -40,7 +40,7 @@ def plot_robust(result: RobustResult) -> Figure:
 def _title(result: RobustResult) -> str:
     s = result.stability
     upper = f", unstable from {s.upper:.3g} times" if np.isfinite(s.upper) else ""
-    return f"stable up to {s.lower:.3g} times the ranges{upper}"
+    return f"stable up to {s.lower:.3g} times the ranges{upper}" if s.lower > 0.0 else f"nothing is proved{upper}"
 
 
 def _mu(ax: Axes, result: RobustResult) -> None:

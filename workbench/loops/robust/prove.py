@@ -100,6 +100,13 @@ def proved_margin(family: UncertainFamily, most: float) -> ProvedMargin:
             size = math.sqrt(size * max(best, 1.0))
             continue
         models[size] = model
+        if not model.bounded:
+            ranks = ", ".join(f"{p.name} {k}" for p, k in zip(family.parameters, model.fraction.ranks, strict=True))
+            notes.append(
+                "nothing is proved: the parameters act in too many ways for bounds in useful time (times in the "
+                f"perturbation: {ranks}); unstable sets are sought. Narrower ranges may act in fewer ways"
+            )
+            return ProvedMargin(best, limit, {1.0: models[1.0]}, {1.0: peaks.get(1.0, math.nan)}, tuple(notes))
         found = needed(model, least=0.99 * size / limit)
         level, peaks[size] = found.level, found.frequency_hz
         if level <= 1.0:

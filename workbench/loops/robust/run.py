@@ -204,7 +204,7 @@ def _stability(
     found = destabilising(family, [*inside, *beyond], lower, margin.most)
     size = math.inf if found is None else max(map(abs, found))
     count = 1
-    if lower < 1.0 < size:
+    if lower < 1.0 < size and whole.bounded:
         parts = divided(family, whole, request.boxes)
         if parts.proved:
             lower, count = 1.0, len(parts.proved)
@@ -230,7 +230,7 @@ def _growth(place: WorstPlace, dt: float) -> float:
 def _curve(whole: UncertainModel, stability: RobustMargin, highest: float) -> tuple[MuPoint, ...]:
     """Return bounds of µ over frequency, where it is highest, which a grid would miss, and at the worst set."""
     system, blocks = whole.stability()
-    if not blocks:
+    if not blocks or not whole.bounded:
         return ()
     twin, peak_level = continued(system), 1.0 / max(stability.lower, 0.1)
     natural = np.abs(system.continuous_poles) / (2.0 * math.pi)

@@ -19,6 +19,7 @@ from workbench.loops.robust.fraction import Fraction, fraction
 
 __all__ = ["Box", "UncertainModel", "uncertain_model"]
 
+_COPIES = 20  # of parameters in the perturbation: AB13MD takes 0.1 s a frequency for 12, 1 to 5 s for 20, 100 s for 35
 _CORNERS = 5  # of so many parameters all corners of the box are looked at, of more as many at random
 
 
@@ -81,6 +82,11 @@ class UncertainModel:
     def matrix(self, share: Floats) -> Floats:
         """Return N without the neglected rest, at shares of the half widths."""
         return np.asarray(self.middle + self.fraction.at(share))
+
+    @property
+    def bounded(self) -> bool:
+        """Whether its bounds can be had in minutes: the parameters stand few times in the perturbation."""
+        return sum(self.fraction.ranks) <= _COPIES
 
     @property
     def centre(self) -> Linear:

@@ -98,8 +98,8 @@ class Nfr(AtPoint, InWorkers, ModelRequest["NfrResult"]):
     _: KW_ONLY
     band: Band | None = option("Lowest and highest frequency.", unit="Hz", default=None, first=True)
     bandwidth: float | None = option(
-        "Also measure where the gain has fallen by so much from that at the band's lowest frequency, where the phase "
-        "lags by 90 degrees, and resonance.",
+        "Also measure where the gain is so much below that at the lowest frequency, where the phase lags by 90 "
+        "degrees, and resonance.",
         unit="dB",
         metavar="DB",
         default=None,
@@ -107,10 +107,12 @@ class Nfr(AtPoint, InWorkers, ModelRequest["NfrResult"]):
         first=True,
     )
     least_bandwidth: float | None = option(
-        "Also measure the amplitude at which the bandwidth (of 3 dB, if no other is asked for) falls below this.",
+        "Also measure the amplitude at which the bandwidth, of 3 dB by default, falls below this.",
         unit="Hz",
+        metavar="F",
         default=None,
         positive=True,
+        first=True,
     )
     ratio: float = option("Ratio of each frequency in the band to the one below it.", default=1.2)
     errcrit: float = option(

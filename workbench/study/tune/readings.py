@@ -207,8 +207,9 @@ def _grid(system: Linear) -> Floats:
 
 def _peaks(size: Callable[[Floats], Floats], grid: Floats, ends: Sequence[float] = ()) -> list[tuple[float, float]]:
     """Return (frequency, value) of the local maxima of a positive function, the ends included, largest first."""
-    values = np.nan_to_num(size(grid), nan=-np.inf, posinf=-np.inf)
-    beside = np.maximum(values[:-2], values[2:]) * (1.0 + _FLAT)
+    values = np.nan_to_num(size(grid), nan=0.0, posinf=0.0)
+    grid, values = _uneven(grid, values)
+    beside = np.maximum(values[:-2], values[2:])
     inner = np.flatnonzero((values[1:-1] > beside) & (values[1:-1] > _LOW * values.max(initial=0.0))) + 1
     inner = inner[np.argsort(-values[inner])[:_MOST]]
     low, top, high = grid[inner - 1], grid[inner], grid[inner + 1]
@@ -222,6 +223,19 @@ def _peaks(size: Callable[[Floats], Floats], grid: Floats, ends: Sequence[float]
     found = np.nan_to_num(size(places), nan=-np.inf)
     order = [k for k in np.argsort(-found) if found[k] > _LOW * found.max()]
     return [(float(places[k]), float(found[k])) for k in order]
+
+
+def _uneven(grid: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """Return the points whose value differs from that of the one kept before, so that no neighbours are equal.
+
+    Grids may hold a frequency twice but for rounding: of two such points none would be higher than both its neighbours.
+    """
+    kept = [0]
+    for k, value in enumerate(values.tolist()):
+        if abs(value - values[kept[-1]]) > _FLAT * max(value, values[kept[-1]]):
+            kept.append(k)
+    kept = kept if kept[-1] == len(grid) - 1 else [*kept, len(grid) - 1]
+    return grid[kept], values[kept]
 
 
 def _singular(requirement: TransferNorm, member: Member) -> Iterator[Distance]:

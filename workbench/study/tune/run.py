@@ -161,7 +161,7 @@ class _TuneRun:
             z = self._linear(z)
         after = self._measured(z, "requirements at the values found")
         for _ in range(_ROUNDS):
-            if not self._differs(z, after):
+            if not self._different(z, after):
                 break
             problem.about(z)
             if problem.pieces(z) is None:
@@ -169,6 +169,8 @@ class _TuneRun:
                 break
             z = self._linear(z, further=0)
             after = self._measured(z, "requirements at the values found")
+        for label in self._different(z, after):
+            problem.notes[f"{label}: the study measures something else than the linear model says, also anew"] = None
         values = [q.scaled(c) for q, c in zip(problem.questions, after, strict=True) if not q.linear]
         if any(v is None or v > 0.0 for v in values) and self._request.max_measured:
             self._tell("search with measured requirements")
@@ -192,14 +194,14 @@ class _TuneRun:
         assert best.end is not None  # noqa: S101 - see `ends`
         return best.end.z
 
-    def _differs(self, z: Floats, after: Sequence[Compliance]) -> bool:
-        """Return whether the study measures a linear requirement otherwise than the linear model said."""
+    def _different(self, z: Floats, after: Sequence[Compliance]) -> list[str]:
+        """Return which linear requirements the study measures otherwise than the linear model says."""
         told: dict[int, float] = {}
         for p in (p for p in self._problem.pieces(z) or () if p.owner >= 0):
             told[p.owner] = max(p.value, told.get(p.owner, -math.inf))
         linear = [(k, q) for k, q in enumerate(self._problem.questions) if k in told and not q.jumps]
-        pairs = [(told[k], q.scaled(after[k])) for k, q in linear]
-        return any(m is None or abs(m - t) > _DIFFERENT * (1.0 + abs(t)) for t, m in pairs)
+        pairs = [(q.label, told[k], q.scaled(after[k])) for k, q in linear]
+        return [n for n, t, m in pairs if m is None or abs(m - t) > _DIFFERENT * (1.0 + abs(t))]
 
     def _extended(self, z: Floats) -> bool:
         """Add the worst point of the envelope; return whether it is worse than those that there are."""

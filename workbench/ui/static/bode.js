@@ -5,7 +5,7 @@ import { fill, h, menu, save, say, wrongs } from "./dom.js";
 import { between, bode, decibels, extent, shown, wrapped } from "./numbers.js";
 import { onOverlays, overlaid } from "./overlays.js";
 import { legend } from "./legend.js";
-import { Plot, colour, ramp } from "./plot.js";
+import { Plot, colour, dashOf, ramp } from "./plot.js";
 import { pointOf } from "./point.js";
 
 const FINE = 2; // pixels of a saved image for each of the page
@@ -94,7 +94,7 @@ export class Bode {
       const dashed = curve.kind === "branch" ? b.index.map((k) => curve.stable[k] === false || curve.stable[k] === 0) : null;
       const common = {
         label: curve.label, colour: curve.colour ?? (rank(curve) >= 0 ? ramp(rank(curve), amplitudes.length) : colour(i)), x: b.x, marks, dashed, width: curve.kind === "linear" || curve.overlaid ? 1.2 : 1.8, overlaid: curve.overlaid,
-        dash: curve.overlaid && this.own.length ? [8, 4] : curve.kind === "linear" && all.some((c) => c.kind !== "linear") ? [3, 3] : [], points: b.index.map((k) => ({ curve, index: k })),
+        dash: curve.overlaid && this.own.length ? [8, 4] : curve.kind === "linear" && all.some((c) => c.kind !== "linear") ? [3, 3] : rank(curve) >= 0 ? [] : dashOf(i), points: b.index.map((k) => ({ curve, index: k })),
         says: curve.status ? b.index.map((k) => curve.status[k]) : null,
       };
       if (b.gain.every((g) => g === null || (linear && g === 0)) && !marks) common.label = `${curve.label} (zero)`;

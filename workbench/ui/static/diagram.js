@@ -3,6 +3,7 @@
 import { factsOf, forget, get, post, server } from "./api.js";
 import { fill, h, say } from "./dom.js";
 import { write } from "./keep.js";
+import { head } from "./model.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 
@@ -93,9 +94,11 @@ export async function diagramPage([name, plant]) {
     }
   };
   await draw();
+  const [of, here] = name === "new" ? [plant, "loop"] : [name, "diagram"];
+  const above = await factsOf(of).then((facts) => head(of, facts, here), () => h("h1", {}, name)); // one that cannot be opened is mended here
   return {
     title: name === "new" ? "New system" : name,
-    element: h("div", {}, h("h1", {}, name === "new" ? `A loop around ${plant}` : name),
+    element: h("div", {}, above, name === "new" ? h("h2", {}, `A loop around ${plant}`) : null,
       h("p", { class: "dim" }, "Click an output, then an input, to connect them; drop a block into a wire, or click the wire and then the block. The file at the bottom is the system; the picture shows it."),
       h("div", { class: "palette", role: "toolbar", "aria-label": "Blocks" }, add), place, parts,
       h("label", { for: "toml" }, h("h2", {}, "System file")), h("p", { id: "toml-help", class: "help dim" }, "This is all of the system; paths are relative to the file. The page on system files in the documentation lists every key."), area, wrong,

@@ -4,7 +4,7 @@ import { fill, h } from "./dom.js";
 import { unitShown } from "./numbers.js";
 import { range, withPicker } from "./picker.js";
 
-const FIRST = 5; // fields that stand open; the others are under headings
+const FEW = 5; // fields stand open where none is said to come first; the others are under headings
 // Option → names that it takes.
 const NAMES = {
   at: "points", data: "data", validation: "data", also: "data", study: "studies", lin: "lin", nfr: "nfr", open: "loops", input: "inputs", output: "measured", inputs: "inputs", outputs: "measured", source: "measured", target: "inputs",
@@ -31,7 +31,8 @@ export class Form {
     };
     const groups = new Map();
     const fields = form.fields.filter((f) => !skip.includes(f.name));
-    const first = fields.filter((f) => !f.group && f.kind !== "switch").slice(0, FIRST);
+    const said = fields.filter((f) => f.first);
+    const first = said.length ? said : fields.filter((f) => !f.group && f.kind !== "switch").slice(0, FEW);
     for (const field of fields) {
       const group = field.required || first.includes(field) ? "" : field.group || "More";
       if (!groups.has(group)) groups.set(group, []);

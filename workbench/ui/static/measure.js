@@ -5,6 +5,7 @@ import { fill, h, say, wrongs } from "./dom.js";
 import { Form } from "./form.js";
 import { shown } from "./numbers.js";
 import { keptPoints } from "./operating.js";
+import { mark } from "./rail.js";
 import { live } from "./work.js";
 
 const asking = new Map(); // model and command → what was filled in
@@ -76,6 +77,10 @@ export function asked({ name, known, content, form, number = null, why = "", abo
     shownWork?.leave();
     end?.();
     watched = which;
+    if (location.hash.startsWith("#/run/")) { // the address is that of the run that is shown
+      history.replaceState(null, "", `#/run/${which}`);
+      mark();
+    }
     end = onChange((work, event) => { // what turns out to be wrong when the model is open
       if (work.number !== watched) return;
       if (event.event === "removed") nothing();

@@ -3,7 +3,7 @@
 import { code, fill, h, table, told } from "./dom.js";
 import { modesOf } from "./modes.js";
 import { legend } from "./legend.js";
-import { Plot, colour } from "./plot.js";
+import { Plot, colour, dashOf } from "./plot.js";
 
 /** Sections of a page; where the first one's picture is drawn elsewhere, what stands beside frequencies or, unless it is to be `timed`, time there is left out. */
 export function sectionsOf({ facts, sections, modes, wrong }, pictured, timed = false) {
@@ -79,7 +79,7 @@ export function histories({ time, signals, units }, height = null) {
   return h("div", {}, shown.map(([unit, names]) => {
     const plot = new Plot({ x: { label: "time [s]", log: false }, y: { label: `${names.length === 1 ? names[0] : "signals"} [${unit || "–"}]`, log: false }, label: `${names.join(", ")} over time`, height: height ?? (shown.length > 1 ? 0.3 : 0.5), onmove: (v) => plots.forEach((p) => { p.cursor = v; p.later(); }) });
     plots.push(plot);
-    const curves = names.slice(0, 12).map((n, i) => ({ label: n, colour: colour(i), x: time, y: signals[n] }));
+    const curves = names.slice(0, 12).map((n, i) => ({ label: n, colour: colour(i), dash: dashOf(i), x: time, y: signals[n] }));
     plot.set(curves);
     return h("div", {}, legend(curves, [plot]), plot.element);
   }));

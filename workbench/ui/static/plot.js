@@ -12,6 +12,11 @@ export function colour(number) {
   return `--curve-${number % 8}`;
 }
 
+/** Dash of curves: those beyond the eighth have the colours of the first again, dashed. */
+export function dashOf(number) {
+  return [[], [7, 3], [2, 3]][Math.floor(number / 8) % 3];
+}
+
 const RAMP = 8; // colours of the style sheet from low to high
 
 /** Colour of one of `count` values in their order, as amplitudes are. */
