@@ -55,6 +55,7 @@ _QUESTIONS: Mapping[str, str] = {
     "export": "Make an FMU of this model",
 }
 
+_LABELS = {"at": "Operating point"}  # of options whose names say less
 _SWITCH, _NUMBER, _WHOLE, _CHOICE, _TEXT, _LIST = "switch", "number", "whole", "choice", "text", "list"
 _TYPES: Mapping[Any, str] = {bool: _SWITCH, float: _NUMBER, int: _WHOLE}
 # What runs elsewhere, or is written beside the page that the browser shows.
@@ -119,7 +120,7 @@ def _options(request: type[Request[Any, Any]]) -> dict[str, tuple[DeclaredOption
 
 def _label(name: str) -> str:
     """Return what stands above a field."""
-    return name.replace("_", " ").strip().capitalize()
+    return _LABELS.get(name) or name.replace("_", " ").strip().capitalize()
 
 
 def _field(name: str, declared: DeclaredOption, group: str, *, needed: bool) -> dict[str, Any]:
