@@ -22,6 +22,7 @@ from tests.platforms import needs_module
 from tests.record_examples import Maker
 from workbench.core.records.record import RecordPart, entry
 from workbench.errors import InputError
+from workbench.point.lin.result import LinResult
 from workbench.response.nfr.result import NfrResult
 from workbench.show.result import Result
 
@@ -315,6 +316,21 @@ def test_a_key_that_is_missing_or_wrong_is_an_input_error(kind: type[Result]) ->
                 refused.append(str(error))
     assert refused
     assert not any("\n" in message for message in refused)
+
+
+def test_an_array_is_missing_whose_axis_is_there() -> None:
+    """What was read without it could be written, and would be another when read again."""
+    whole = Maker(empty=False).record(LinResult).to_dict()
+    del whole["intersample"]["D_nodes"]
+    with pytest.raises(InputError, match=r"intersample\.D_nodes' is missing"):
+        LinResult.from_dict(whole)
+
+
+def test_a_phase_is_finite() -> None:
+    whole = Maker(empty=False).record(NfrResult).to_dict()
+    whole["phase_deg"][0][0] = "inf"
+    with pytest.raises(InputError, match="phase_deg is infinite"):
+        NfrResult.from_dict(whole)
 
 
 def test_the_table_of_a_frequency_response_counts_what_was_averaged() -> None:

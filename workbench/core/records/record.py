@@ -456,13 +456,21 @@ def _read(kind: Any, data: Any, lengths: Mapping[str, int], where: str) -> Any: 
             result[declared.name] = _value(hints[declared.name], rest, lengths, where, said)
         elif key in data:
             result[declared.name] = _value(hints[declared.name], data[key], lengths, here, said)
-        elif declared.default is MISSING and declared.default_factory is MISSING:
+        elif not _may_be_left_out(declared, lengths):
             raise _WrongKeyError(f"'{here}' is missing")
         if isinstance(known := result.get(declared.name, _default(declared)), Sized) and (
             len(known) or not isinstance(known, tuple)
         ):
             lengths[declared.name] = len(known)  # without names it is not known
     return kind(**result)
+
+
+def _may_be_left_out(declared: Field[Any], lengths: Mapping[str, int]) -> bool:
+    """Return whether a field has a default, as long as its axis if it is an array."""
+    if declared.default is MISSING and declared.default_factory is MISSING:
+        return False
+    held, dims = _default(declared), declared.metadata.get("dims")
+    return not (isinstance(held, Sized) and dims) or lengths.get(dims[0], len(held)) == len(held)
 
 
 def _default(declared: Field[Any]) -> object:

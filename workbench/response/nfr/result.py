@@ -205,6 +205,8 @@ class NfrResult(Result):
         gain, phase = (numbers(data, key, shape) for key in ("gain", "phase_deg"))
         # A gain of 0 has no phase.
         angle = np.radians(np.where(gain == 0.0, 0.0, phase))
+        if np.isinf(angle).any():
+            raise ValueError("phase_deg is infinite")
         names = {f"{side}{what}": data[side][key] for side in ("input", "output") for what, key in _SIGNAL.items()}
         return {
             "error": unknown,
