@@ -17,6 +17,7 @@ from workbench.core.values.margins import Margins
 from workbench.errors import InputError
 from workbench.loops.loop.margins import margins_of, peak
 from workbench.loops.loop.request import loop
+from workbench.loops.loop.stability import stability_of
 from workbench.loops.nyquist.level_crossings import gain_crossings, real_crossings
 from workbench.point.trim.request import trim
 from workbench.system.connect import connect
@@ -460,3 +461,13 @@ def test_a_gain_crossing_just_below_the_nyquist_frequency_is_found() -> None:
     one, k = np.eye(1), math.sqrt(1.25 - math.cos(theta))
     part = LinearPart(0.5 * one, one, k * one, 0.0 * one, dt=0.1)
     assert gain_crossings(part) == pytest.approx([theta / (TWO_PI * 0.1)], rel=1e-9)
+
+
+def test_a_verdict_does_not_depend_on_the_units_of_the_states() -> None:
+    """A slow mode beside pressures in pascals: the norm of A in raw units says nothing of what rounding may do."""
+    A = np.array([[-200.0, 5.0, 0.0], [0.01, -0.01, 0.0], [3.0, 1.0, -30.0]])
+    b, c, d = np.array([[0.0], [0.005], [1.0]]), np.array([[1.0, 1.0, 1.0]]), np.zeros((1, 1))
+    unit = np.array([1.0, 1e14, 1e-5])
+    for scale in (np.ones(3), unit):
+        part = LinearPart(A * scale[:, None] / scale, b * scale[:, None], c / scale, d)
+        assert stability_of(part).verdict == "stable"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -98,3 +99,25 @@ def test_the_version_that_is_asked_is_built(tmp_path: Path, monkeypatch: pytest.
 def test_versions_that_cannot_be_asked(asked: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words):
         Tune(free={"gain.gain": (0.1, 1.0)}, study=Path("wanted.toml"), **asked)
+
+
+def controller_of(block: str, name: str, folder: Path) -> str:
+    file = folder / "one.toml"
+    file.write_text(f'components.c = {block}\ninputs.u = "c.u"\noutputs.y = "c.y"\n', encoding="utf-8")
+    return sampled_controller(read_system(file), [f"c.{name}"], 0.01, "One")
+
+
+@pytest.mark.parametrize(("block", "name"), [
+    ('{block = "biquad"}', "gain"),
+    ('{block = "lead_lag", gain = -1.0, lead = 0.1, lag = 0.02}', "lead"),
+    ('{block = "pid", proportional = -0.5, integral = -2.0, derivative = -0.1}', "integral"),
+])  # fmt: skip
+def test_a_sign_does_not_follow_an_operator(block: str, name: str, tmp_path: Path) -> None:
+    """Modelica's grammar: neither `a + -b` nor `a * -b` is an expression."""
+    assert not re.search(r"[-+*/] -", controller_of(block, name, tmp_path))
+
+
+def test_an_integrator_with_limits_is_not_sampled_without_them(tmp_path: Path) -> None:
+    assert "when sample" in controller_of('{block = "integrator"}', "gain", tmp_path)
+    with pytest.raises(InputError, match="an integrator with limits or a start"):
+        controller_of('{block = "integrator", upper = 0.2}', "gain", tmp_path)

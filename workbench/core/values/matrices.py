@@ -24,6 +24,7 @@ __all__ = [
     "product",
     "resolvent",
     "resolvents",
+    "rounding_of_poles",
     "unheld",
 ]
 
@@ -199,6 +200,18 @@ def balance(A: Floats) -> tuple[Floats, Floats]:
     result: tuple[Any, Any] = matrix_balance(A, permute=False, separate=True)
     matrix, (scale, _) = result
     return np.ascontiguousarray(matrix, dtype=np.float64), np.asarray(scale, dtype=np.float64)
+
+
+def rounding_of_poles(A: Floats, factor: float = 100.0) -> float:
+    """Return what rounding may move eigenvalues by: a factor times eps times the norm of A in units that suit it.
+
+    LAPACK balances before it looks for eigenvalues; in raw units, as pascals beside radians, the norm says nothing.
+
+    Args:
+        A: shape (n, n).
+        factor: of eps.
+    """
+    return factor * float(np.finfo(float).eps) * float(np.linalg.norm(balance(A)[0])) if len(A) else 0.0
 
 
 def held(A: Floats, B: Floats, dt: float) -> tuple[Floats, Floats]:

@@ -118,7 +118,8 @@ def _bode(gain: Axes, phase: Axes, shown: list[_DrawnCurve]) -> None:
 
 def _legend(gain: Axes, phase: Axes, shown: list[_DrawnCurve]) -> None:
     """Name the curves in one panel, and what marks their margins in the other, as far as there are any."""
-    gain.legend(**LEGEND)
+    if gain.get_legend_handles_labels()[0]:
+        gain.legend(**LEGEND)
     marks: list[Line2D] = []
     for s in shown[:1]:
         if s.margins.gain_crossovers:

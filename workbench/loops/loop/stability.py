@@ -11,6 +11,7 @@ from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.arrays import Complex
 from workbench.core.values.linear import Linear, LinearPart
 from workbench.core.values.margins import BORDER, STABLE, UNKNOWN, UNSTABLE
+from workbench.core.values.matrices import rounding_of_poles
 from workbench.core.values.poles import sides
 
 __all__ = ["ClosedLoopStability", "judged", "same_poles", "stability_of", "unknown", "words_of"]
@@ -100,8 +101,7 @@ def unknown(result: ClosedLoopStability, why: str) -> ClosedLoopStability:
 
 def _sides(poles: Complex, f: Linear) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return which poles lie outside the stable region, and which on its border."""
-    rounding = 100.0 * np.finfo(float).eps * float(np.linalg.norm(f.A)) if len(f.A) else 0.0
-    return sides(poles, f.dt, relative=_RELATIVE, rounding=rounding)
+    return sides(poles, f.dt, relative=_RELATIVE, rounding=rounding_of_poles(f.A))
 
 
 def words_of(verdict: str, poles: Complex, bad: Complex, before: Complex, dt: float) -> str:

@@ -11,6 +11,7 @@ from scipy.optimize import minimize
 
 from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import Linear
+from workbench.core.values.matrices import rounding_of_poles
 from workbench.core.values.poles import continuous, damped_frequency_hz, growth_rates, sides
 from workbench.loops.robust.family import Place, UncertainFamily
 from workbench.loops.robust.result import WorstPlace
@@ -72,17 +73,13 @@ def slowest(matrix: Floats, states: int, dt: float) -> float:
 
 def is_unstable(linear: Linear) -> bool:
     """Whether a pole is beyond the border of stability by more than its error."""
-    return bool(sides(linear.poles, linear.dt, relative=_RELATIVE, rounding=_rounding(linear))[0].any())
+    return bool(sides(linear.poles, linear.dt, relative=_RELATIVE, rounding=rounding_of_poles(linear.A))[0].any())
 
 
 def is_stable(linear: Linear) -> bool:
     """Whether all poles are on the good side of the border by more than their error."""
-    outside, border = sides(linear.poles, linear.dt, relative=_RELATIVE, rounding=_rounding(linear))
+    outside, border = sides(linear.poles, linear.dt, relative=_RELATIVE, rounding=rounding_of_poles(linear.A))
     return not (outside.any() or border.any())
-
-
-def _rounding(linear: Linear) -> float:
-    return 100.0 * np.finfo(float).eps * float(np.linalg.norm(linear.A)) if len(linear.A) else 0.0
 
 
 def destabilising(family: UncertainFamily, shares: Sequence[Floats], least: float, most: float) -> Place | None:

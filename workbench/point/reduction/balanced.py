@@ -11,6 +11,7 @@ import numpy as np
 
 from workbench.core.values.arrays import Floats
 from workbench.core.values.linear import LinearPart
+from workbench.core.values.matrices import rounding_of_poles
 from workbench.core.values.modal import poles_of
 from workbench.errors import InputError, SimulationError, suggest
 from workbench.requests.decorator import with_origin
@@ -145,7 +146,7 @@ def _border(part: LinearPart) -> float:
     poles = poles_of(part.A)
     real, reach = poles.value.real, 5.0 * poles.uncertain
     near = np.abs(real) <= reach
-    rounding = _ROUNDING * np.finfo(float).eps * float(np.linalg.norm(part.A)) if len(part.A) else 0.0
+    rounding = rounding_of_poles(part.A, _ROUNDING)
     # Each algorithm moves them elsewhere within their reach; what is surely stable stays beyond.
     stable = real[~near & (real < 0.0)].max(initial=-np.inf)
     return min(-rounding, max(-float(reach[near].max(initial=0.0)), 0.5 * float(real[near].min(initial=0.0) + stable)))

@@ -12,7 +12,7 @@ from workbench.core.machine.scratch import remove, scratch_folder
 from workbench.core.values.matrices import held
 from workbench.errors import InputError
 from workbench.loops.loop.tunable import linear_block
-from workbench.system.block_table.limits import Pi, Pid
+from workbench.system.block_table.limits import Integrator, Pi, Pid
 from workbench.system.description import BlockComponent, Component, Connection, SystemDescription
 
 __all__ = ["sampled_controller", "write_controller"]
@@ -70,6 +70,12 @@ def sampled_controller(system: SystemDescription, names: Sequence[str], period: 
     for block in blocks:
         if linear_block(block) is None:
             raise InputError(f"out: {block.name} is not a linear block, a PI or a PID controller")
+        integrator = block.block if isinstance(block, BlockComponent) else None
+        if isinstance(integrator, Integrator) and (integrator.indicators or integrator.start != 0.0):
+            raise InputError(
+                f"out: {block.name} is an integrator with limits or a start, which has no sampled form; a pi with "
+                "proportional = 0 has one"
+            )
     inside = {c.destination.rpartition(".")[0]: c for c in system.connections if _within(c, wanted)}
     read = [*(c.source for c in system.connections if not _within(c, wanted)), *system.outputs.values()]
     outside = {source.rpartition(".")[0] for source in read} & wanted
@@ -102,7 +108,7 @@ def _linked(link: Connection, blocks: Sequence[Component]) -> str:
     units = {getattr(b, "units", {}).get(port) for end, port in ends for b in blocks if end == f"{b.name}.{port}"}
     if link.unit is not None or (link.convert and len(units) > 1):
         raise InputError(f"out: the unit changes between {link.source} and {link.destination}; give both the same")
-    return f"({link.gain!r} * {link.source.rpartition('.')[0]}_y + {link.offset!r})"
+    return f"({link.gain!r} * {link.source.rpartition('.')[0]}_y + {_number(link.offset)})"
 
 
 def _sampled(block: Component, u: str, period: float) -> tuple[dict[str, float], list[str]]:
@@ -125,14 +131,14 @@ def _pid(n: str, block: Pi | Pid, u: str, period: float) -> tuple[dict[str, floa
     lower, upper, proportional, integral, derivative, filter_time, tracking = block.packed()
     states = {f"{n}_u": 0.0, f"{n}_v": block.start, f"{n}_y": block.start, f"{n}_x": block.start}
     rate = derivative / filter_time
-    difference = f" + {rate!r} * ({n}_u - pre({n}_w))" if isinstance(block, Pid) else ""
+    difference = f" + {_number(rate)} * ({n}_u - pre({n}_w))" if isinstance(block, Pid) else ""
     limited = f"{n}_v"
     limited = limited if math.isinf(lower) else f"max({limited}, {lower!r})"
     limited = limited if math.isinf(upper) else f"min({limited}, {upper!r})"
     back = f" + {min(1.0, period / tracking)!r} * ({n}_y - {n}_v)" if block.limited else ""
     equations = [
         f"{n}_u = {u}", f"{n}_v = {proportional!r} * {n}_u + pre({n}_x){difference}", f"{n}_y = {limited}",
-        f"{n}_x = pre({n}_x) + {period * integral!r} * {n}_u{back}",
+        f"{n}_x = pre({n}_x) + {_number(period * integral)} * {n}_u{back}",
     ]  # fmt: skip
     if isinstance(block, Pid):
         states[f"{n}_w"] = 0.0
@@ -141,5 +147,10 @@ def _pid(n: str, block: Pi | Pid, u: str, period: float) -> tuple[dict[str, floa
 
 
 def _sum(factors: Sequence[float], names: Sequence[str]) -> str:
-    parts: Iterator[str] = (f"{float(f)!r} * {v}" for f, v in zip(factors, names, strict=True) if f != 0.0)
+    parts: Iterator[str] = (f"{_number(f)} * {v}" for f, v in zip(factors, names, strict=True) if f != 0.0)
     return " + ".join(parts) or "0.0"
+
+
+def _number(x: float) -> str:
+    """Return a number as Modelica takes it behind an operator: a sign may not follow one."""
+    return repr(float(x)) if math.copysign(1.0, x) > 0.0 else f"({float(x)!r})"
