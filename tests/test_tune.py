@@ -452,3 +452,13 @@ def test_a_mask_between_the_points_and_a_slow_unstable_pole_are_read_as_in_a_stu
     assert min(r.value for r in readings(mask, member)) == pytest.approx(45.0 - peak, abs=1e-3)
     stiff = wb.Linear(np.diag([-2e5, 1e-4]), np.ones((2, 1)), np.ones((1, 2)), d)
     assert max(r.value for r in closed_poles(Member(stiff, none, none.T, {}, {}), loop=False)) == pytest.approx(1e-4)
+
+
+def test_a_peak_narrower_than_the_parts_of_its_neighbourhood_is_kept() -> None:
+    """A mode of damping 1e-6 on the slope of a lag: |G| at it is known, and is the norm."""
+    w, zeta, none = 2.0 * math.pi * 3.333, 1e-6, np.zeros((4, 0))
+    A = np.array([[0.0, 1.0, 0.0], [-w * w, -2.0 * zeta * w, 0.0], [0.0, 0.0, -0.5]])
+    b, c, d = np.array([[0.0], [1e-3 * w * w], [0.5]]), np.array([[1.0, 0.0, 3.0]]), np.zeros((1, 1))
+    member = Member(wb.Linear(A, b, c, d, input_names=("u",), output_names=("y",)), none, none.T, {}, {})
+    norm = KINDS["h-infinity norm"](name="r", analysis="a", kind="h-infinity norm", max=1000.0)
+    assert min(r.value for r in readings(norm, member)) == pytest.approx(1000.0 - 1e-3 / (2.0 * zeta), abs=1.0)

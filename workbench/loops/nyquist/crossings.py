@@ -11,7 +11,6 @@ from scipy.optimize import root
 
 from workbench.core.values.arrays import Complex, Floats
 from workbench.core.values.linear import LinearPart
-from workbench.core.values.matrices import rounding_of_poles
 from workbench.core.values.modal import poles_of
 from workbench.loops.describing.base import DescribedBlock
 from workbench.loops.nyquist.level_crossings import real_crossings
@@ -107,7 +106,7 @@ def _border_poles(part: LinearPart) -> Floats:
     """Return the frequencies of the open-loop poles on the border, as far as rounding lets them be known [Hz]."""
     poles = poles_of(part.A, dt=part.dt)
     # Its balancing takes entries that are rounding only for exact ones: hence the second bound.
-    rounding = rounding_of_poles(part.A)
+    rounding = 100.0 * np.finfo(float).eps * float(np.linalg.norm(part.A)) if len(part.A) else 0.0
     value, uncertain = poles.value, np.maximum(5.0 * poles.uncertain, rounding / (part.dt or 1.0))
     size = np.full(len(value), 1.0 / part.dt) if part.dt > 0.0 else np.abs(value)
     near = np.abs(value.real) <= _AXIS * size + uncertain

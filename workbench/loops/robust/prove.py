@@ -102,8 +102,9 @@ def proved_margin(family: UncertainFamily, most: float) -> ProvedMargin:
         models[size] = model
         if not model.bounded:
             ranks = ", ".join(f"{p.name} {k}" for p, k in zip(family.parameters, model.fraction.ranks, strict=True))
+            proved = f"no more than {best:.3g} times the ranges" if best > 0.0 else "nothing"
             notes.append(
-                "nothing is proved: the parameters act in too many ways for bounds in useful time (times in the "
+                f"{proved} is proved: the parameters act in too many ways for bounds in useful time (times in the "
                 f"perturbation: {ranks}); unstable sets are sought. Narrower ranges may act in fewer ways"
             )
             return ProvedMargin(best, limit, {1.0: models[1.0]}, {1.0: peaks.get(1.0, math.nan)}, tuple(notes))
@@ -139,7 +140,7 @@ def divided(family: UncertainFamily, whole: UncertainModel, boxes: int) -> Prove
         (middle,) = family.at([model.box.centre])
         if middle is not None and is_unstable(middle):
             return ProvedParts((), model.box.centre)
-        if middle is not None and is_stable(middle) and proves(model):
+        if middle is not None and is_stable(middle) and model.bounded and proves(model):
             proved.append(model)
             continue
         if len(proved) + len(todo) + 2 > boxes:

@@ -219,6 +219,7 @@ def _peaks(size: Callable[[Floats], Floats], grid: Floats, ends: Sequence[float]
         best = np.argmax(np.nan_to_num(size(fine.ravel()), nan=-np.inf).reshape(fine.shape), axis=1)
         rows = np.arange(len(fine))
         low, top, high = fine[rows, np.maximum(best - 1, 0)], fine[rows, best], fine[rows, np.minimum(best + 1, 8)]
+    top = np.where(np.nan_to_num(size(top)) < values[inner], grid[inner], top)  # a peak narrower than the parts stays
     places = np.concatenate([top, list(ends), grid[[0, -1]]])
     found = np.nan_to_num(size(places), nan=-np.inf)
     order = [k for k in np.argsort(-found) if found[k] > _LOW * found.max()]
