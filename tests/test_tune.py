@@ -27,6 +27,7 @@ from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.jobs.options import Workers
 from workbench.study.requirements import KINDS
+from workbench.study.requirements.norms import HInfinityNorm
 from workbench.study.requirements.response import Mask
 from workbench.study.tune.family import LinearFamily, Member
 from workbench.study.tune.minimax import SmoothPiece, minimax
@@ -460,5 +461,5 @@ def test_a_peak_narrower_than_the_parts_of_its_neighbourhood_is_kept() -> None:
     A = np.array([[0.0, 1.0, 0.0], [-w * w, -2.0 * zeta * w, 0.0], [0.0, 0.0, -0.5]])
     b, c, d = np.array([[0.0], [1e-3 * w * w], [0.5]]), np.array([[1.0, 0.0, 3.0]]), np.zeros((1, 1))
     member = Member(wb.Linear(A, b, c, d, input_names=("u",), output_names=("y",)), none, none.T, {}, {})
-    norm = KINDS["h-infinity norm"](name="r", analysis="a", kind="h-infinity norm", max=1000.0)
+    norm = HInfinityNorm(name="r", analysis="a", kind="h-infinity norm", max=1000.0)
     assert min(r.value for r in readings(norm, member)) == pytest.approx(1000.0 - 1e-3 / (2.0 * zeta), abs=1.0)
