@@ -462,6 +462,35 @@ def test_a_run_whose_process_crashed_is_made_once_more(monkeypatch: pytest.Monke
     assert found.values == whole.values
 
 
+def test_what_dies_on_the_way_of_the_search_leaves_no_estimate(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Processes that die at half of the values, wherever these are: the search ends beside the least misfit."""
+    known = InProcess.run
+
+    def run(self: InProcess, task: Task, jobs: deque[Any]) -> Iterator[Reply | Lost]:
+        for event in known(self, task, jobs):
+            tau = event.job.parameters.get("tau", 0.0) if isinstance(event.job, ModelRun) else 0.0
+            if tau > 0.9 * TAU:
+                yield Lost(event.job, wb.CrashedError("the worker was killed (SIGKILL)"))
+            else:
+                yield event
+
+    monkeypatch.setattr(InProcess, "run", run)
+    with pytest.raises(wb.CrashedError, match="SIGKILL"):
+        calibrated(record(noisy()), {"tau": (0.1 * TAU, 10.0)}, loading={"start_values": {"tau": 0.5 * TAU}})
+
+
+@pytest.mark.parametrize("sigma", [0.0, SIGMA])
+def test_an_estimate_by_a_model_that_misses_something_is_not_good(sigma: float) -> None:
+    """The record is that of a lag behind another one: every value is off by more than its region says."""
+    y = lag(TAU, lag(0.2 * TAU)) + np.random.default_rng(4).normal(0.0, sigma, len(U))
+    found = calibrated(record(y))
+    told = str(found)
+    assert found.misfit
+    assert found.to_dict()["misfit"] == found.misfit
+    assert "misses something" in told
+    assert not calibrated(record(noisy())).misfit
+
+
 def test_the_command_its_files_and_its_record(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out.json"
     for number in (1, 2, 3):

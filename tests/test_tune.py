@@ -455,6 +455,40 @@ def test_a_mask_between_the_points_and_a_slow_unstable_pole_are_read_as_in_a_stu
     assert max(r.value for r in closed_poles(Member(stiff, none, none.T, {}, {}), loop=False)) == pytest.approx(1e-4)
 
 
+def test_limits_on_the_other_side_count_where_the_number_is() -> None:
+    """Two peaks, 5 and 10 high, and two crossings: the norm is 10, the gain margin the smaller one."""
+    none = np.zeros((4, 0))
+
+    def mode(w: float, high: float) -> tuple[Floats, Floats, Floats]:
+        zeta = 0.5 / high
+        return np.array([[0.0, 1.0], [-w * w, -2.0 * zeta * w]]), np.array([[0.0], [w * w]]), np.array([[1.0, 0.0]])
+
+    (a1, b1, c1), (a2, b2, c2) = mode(1.0, 5.0), mode(1000.0, 10.0)
+    system = wb.Linear(
+        block_diag(a1, a2), np.vstack([b1, b2]), np.hstack([c1, c2]), np.zeros((1, 1)),
+        input_names=("u",), output_names=("y",),
+    )  # fmt: skip
+    member = Member(system, none, none.T, {}, {})
+
+    def norm(**limits: Any) -> list[float]:
+        asked = HInfinityNorm(name="r", analysis="a", kind="h-infinity norm", **limits)
+        return sorted(r.value for r in readings(asked, member))
+
+    assert norm(min=8.0) == pytest.approx([2.0], abs=0.02)
+    assert norm(equal=10.0, tolerance=0.5) == pytest.approx([0.5], abs=0.02)
+    assert norm(max=8.0)[0] == pytest.approx(-2.0, abs=0.02)
+    lag = wb.Linear(np.array([[-1.0]]), np.ones((1, 1)), np.ones((1, 1)), np.zeros((1, 1)))
+    loop = Member(lag, none[:1], none.T[:, :1], {}, {})  # which never crosses −180°
+    gain = KINDS["gain margin"]
+    low, high = ({"min": 6.0}, {"max": 60.0})
+    assert [r.value for r in readings(gain(name="r", analysis="a", kind="gain margin", **low), loop)] == [math.inf]
+    assert [r.value for r in readings(gain(name="r", analysis="a", kind="gain margin", **high), loop)] == [-math.inf]
+    direct = wb.Linear(np.array([[-1.0]]), np.ones((1, 1)), np.ones((1, 1)), np.array([[1.5]]))
+    delay = KINDS["delay margin"](name="r", analysis="a", kind="delay margin", min=0.01)
+    asked = readings(delay, Member(direct, none[:1], none.T[:, :1], {}, {}))
+    assert min(r.value for r in asked) == pytest.approx(-0.01)
+
+
 def test_a_peak_narrower_than_the_parts_of_its_neighbourhood_is_kept() -> None:
     """A mode of damping 1e-6 on the slope of a lag: |G| at it is known, and is the norm."""
     w, zeta, none = 2.0 * math.pi * 3.333, 1e-6, np.zeros((4, 0))

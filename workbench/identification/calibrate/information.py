@@ -15,7 +15,7 @@ from workbench.core.values.arrays import Floats
 from workbench.identification.calibrate.problem import Flags
 from workbench.identification.calibrate.quantities import FreeValue, FreeValues
 from workbench.identification.calibrate.request import Calibrate
-from workbench.identification.calibrate.search import Estimate, descent
+from workbench.identification.calibrate.search import Estimate, descent, not_held
 
 __all__ = ["LIKELY", "Information", "bent", "bootstrap", "information", "profile"]
 
@@ -24,7 +24,6 @@ _OPEN = 1.0  # half a region, in coordinates: a wider one leaves the value open 
 _ROUNDING = 1e-10  # of the largest singular value
 _PART = 0.1  # of the largest in a direction: what has less of it is not named
 _BENT = 0.3  # relative: how far the cost at the ends of a region may be off that of an ellipse
-_AT = 1e-4  # coordinate: a search that ends so near to a limit, and would go on beyond it, is held by it
 _STEPS = 10  # on the way to an end of a profile
 _NEAR = 0.02  # relative: cost at that end
 _FACTORS = (0.3, 2.5)  # by which a step of the way may shrink and grow
@@ -77,9 +76,7 @@ def information(found: Estimate) -> Information:
     problem, quantities = found.problem, found.problem.quantities
     J, error = problem.whitened(found.gradient)
     e = problem.residuals(found.z)
-    low, high = quantities.limits
-    rise = -J.T @ e  # of the cost
-    free = ~(((found.z - low <= _AT) & (rise > 0.0)) | ((high - found.z <= _AT) & (rise < 0.0)))
+    free = not_held(problem, found.z, -J.T @ e)
     count = int(free.sum())
     quantile = float(stdtrit(max(problem.samples - count, 1), 0.5 + 0.5 * LIKELY))
     widening = problem.loss.widening(e)

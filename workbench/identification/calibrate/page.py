@@ -19,6 +19,7 @@ def calibrate_page(result: CalibrateResult) -> Page:
     known = sum(p.identifiable for p in result.parameters)
     how_many = f"{known} of {counted(len(result.parameters), 'value')}"
     doubt = ", but they hang on what inputs do between samples" if result.doubt else ""
+    doubt += ", but the model misses something, and regions may not hold them" if result.misfit else ""
     words = "Measured, computed with the start values, computed with the estimate; the band is what the regions leave."
     return Page(
         title=f"Parameters of {result.model}",
@@ -42,7 +43,8 @@ def calibrate_page(result: CalibrateResult) -> Page:
 
 
 def _verdicts(result: CalibrateResult) -> list[Verdict]:
-    found = [Verdict("good" if p.identifiable else "watch", _told(p)) for p in result.parameters]
+    sure = result.converged and not result.misfit
+    found = [Verdict("good" if p.identifiable and sure else "watch", _told(p)) for p in result.parameters]
     if result.doubt:
         found.insert(0, Verdict("watch", result.doubt))
     if not result.converged:
@@ -60,7 +62,8 @@ def _verdicts(result: CalibrateResult) -> list[Verdict]:
             )
             found.append(Verdict("poor", f"{one.name}: {words}"))
         if one.autocorrelation is not None and not one.autocorrelation.white:
-            found.append(Verdict("watch", f"{one.name}: {one.autocorrelation.words}"))
+            far = "; regions hold what noise does to values, not what the model misses" if result.misfit else ""
+            found.append(Verdict("watch", f"{one.name}: {one.autocorrelation.words}{far}"))
     return found
 
 

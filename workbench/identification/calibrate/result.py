@@ -262,6 +262,16 @@ class CalibrateResult(Result):
         return {p.name: p.value for p in self.parameters if p.kind == "parameter"}
 
     @property
+    def misfit(self) -> str:
+        """Which test says that the residuals are not noise alone, so that regions may not hold; empty: none does."""
+        for one in self.data:
+            if one.cross is not None and one.cross.undermodelled:
+                return f"{one.name}: the input is still visible in the residuals"
+            if one.autocorrelation is not None and one.autocorrelation.p_value < _NO_CHANCE:
+                return f"{one.name}: the residuals are not noise, p = {one.autocorrelation.p_value:.2g}"
+        return ""
+
+    @property
     def fit_percent(self) -> dict[str, float]:
         """Output → fit over all data [%]."""
         return _joint(self.data)
@@ -273,11 +283,13 @@ class CalibrateResult(Result):
             fit_percent: output → fit over all data [%].
             validation_fit_percent: output → fit over the other data [%].
             residuals: fits and tests of each data set, in sentences.
+            misfit: what says that the model misses something, so that regions may not hold; empty: nothing does.
             set: parameter → estimate, as `--set` takes them.
         """
         return {
             "fit_percent": self.fit_percent, "validation_fit_percent": _joint(self.validation),
-            "residuals": {one.name: one.words for one in self.data}, "set": self.values,
+            "residuals": {one.name: one.words for one in self.data}, "misfit": self.misfit,
+            "set": self.values,
         }  # fmt: skip
 
     def column_units(self) -> Mapping[str, str | None]:
@@ -304,3 +316,4 @@ def _joint(data: Sequence[DataFit]) -> dict[str, float]:
 
 
 _SIDES = ("measured", "computed")
+_NO_CHANCE = 1e-3  # of white residuals: in no more than one of a thousand right models an estimate is doubted for it

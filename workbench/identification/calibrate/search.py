@@ -11,10 +11,10 @@ from scipy.optimize import least_squares
 from workbench.core.values.arrays import Floats
 from workbench.errors import SimulationError
 from workbench.identification.calibrate.noise import ColouredNoise, estimated
-from workbench.identification.calibrate.problem import CalibrationProblem, Gradient
+from workbench.identification.calibrate.problem import CalibrationProblem, Flags, Gradient
 from workbench.identification.calibrate.request import Calibrate
 
-__all__ = ["DescentEnd", "Estimate", "descent", "search"]
+__all__ = ["DescentEnd", "Estimate", "descent", "not_held", "search"]
 
 _STILL = 0.01  # standard errors: what moves less has been found
 _HELD = 0.3  # standard errors: so far a gradient is that of where it was taken
@@ -23,6 +23,7 @@ _EXACT = 1e-9  # relative step that ends a search without noise to be below
 _ROUNDS = 8  # noise and parameters in turn
 _POOR = 0.5  # part of the outputs' movement: a fit that leaves more is searched for from other starts as well
 _FURTHER = 4  # such starts
+_AT = 1e-4  # coordinate: a search that ends so near to a limit, and would go on beyond it, is held by it
 
 _REASONS = {
     0: "the largest number of runs was reached",
@@ -180,14 +181,35 @@ def _refined(
             break
         white = white and not rests and number < _ROUNDS // 2
     problem = problem.with_noise(_noise(problem, ended.z, request))
-    gradient = problem.gradient(ended.z, central=True)
+    gradient, place = problem.gradient(ended.z, central=True), problem.runs.place
     reason, converged = _REASONS[ended.status], ended.status > 0
     if gradient.failed:
         names = ", ".join(problem.quantities[k].name for k in gradient.failed)
         reason, converged = f"runs beside the estimate failed: what {names} does there is not known", False
-        if len(gradient.failed) == len(ended.z):
-            raise _lost(problem, reason)
+    elif place.failed and converged and _left(problem, ended.z, gradient) > _HELD:
+        reason, converged = "runs failed where the misfit falls: the best values may lie beyond them", False
+    if len(gradient.failed) == len(ended.z) or (place.lost and not converged and ended.status > 0):
+        raise _lost(problem, reason)  # a process that dies may do so of what it ran before
     return Estimate(problem, ended.z, gradient, reason, converged)
+
+
+def not_held(problem: CalibrationProblem, z: Floats, slope: Floats) -> Flags:
+    """Return which coordinates are not held by a limit, shape (q,).
+
+    Args:
+        problem: with the limits.
+        z: coordinates.
+        slope: of the cost there, shape (q,).
+    """
+    low, high = problem.quantities.limits
+    return np.asarray(~(((z - low <= _AT) & (slope > 0.0)) | ((high - z <= _AT) & (slope < 0.0))), dtype=np.bool_)
+
+
+def _left(problem: CalibrationProblem, z: Floats, gradient: Gradient) -> float:
+    """Return how far a Gauss-Newton step would still go [standard errors]."""
+    J, (psi, slope) = problem.whitened(gradient)[0], problem.loss.psi(problem.residuals(z))
+    J = J[:, not_held(problem, z, -J.T @ psi)]
+    return float(np.linalg.norm(J @ np.linalg.lstsq(J, psi, rcond=None)[0]) / np.mean(slope)) if J.size else 0.0
 
 
 def _lost(problem: CalibrationProblem, words: str) -> SimulationError:

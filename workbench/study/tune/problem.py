@@ -39,6 +39,7 @@ _SLOW_WIDTH = 1e-3  # likewise of linear models by parameters that are not of bl
 _NEAR = -0.1  # of that natural frequency: poles left of it do not hinder a step
 STABILITY = -1  # owner of the poles, which must stay left of the axis
 _AMPLE = -10.0  # value of a requirement that nothing endangers, e.g. a margin without a crossing
+_MISSED = 1.0  # likewise of one that is not met, whose distance nobody knows: no pole in its band, an infinite norm
 _SAME = 1e-4  # relative: how far the poles with the blocks put in again may be from those without taking them out
 
 
@@ -223,7 +224,8 @@ class TuneProblem:
                 SmoothPiece(max(-r.value / scale, _AMPLE), -self._slope(member, r.weight, z) / scale, r.place, number)
                 for r in found if math.isfinite(r.value)
             ]  # fmt: skip
-            result += own or [SmoothPiece(_AMPLE, np.zeros(len(z)), 0.0, number)]
+            ample = bool(found) and all(r.value > 0.0 for r in found)
+            result += own or [SmoothPiece(_AMPLE if ample else _MISSED, np.zeros(len(z)), 0.0, number)]
         return result
 
     def _slope(self, member: Member, weight: Floats, z: Floats) -> Floats:

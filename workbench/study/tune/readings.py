@@ -104,13 +104,17 @@ def readings(requirement: Requirement, member: Member) -> list[Distance]:
     if isinstance(requirement, Bandwidth) and equal is None:
         return _within(requirement, member, low, high)
     width = requirement.tolerance if requirement.relative is None else requirement.relative * abs(equal or 0.0)
-    result = []
-    for r in reader(requirement, member):
-        if low is not None:
+    result, sense = [], _SENSES.get(type(requirement), 0.0)
+    found = list(reader(requirement, member))
+    if not found and sense < 0.0:  # without a crossing a margin is infinite
+        found = [Distance(math.inf, np.zeros((len(member.left), member.right.shape[1])), math.inf)]
+    own = max(found, key=lambda r: sense * r.value, default=None)
+    for r in found:
+        if low is not None and (sense <= 0.0 or r is own):
             result.append(Distance(r.value - low, r.weight, r.place))
-        if high is not None:
+        if high is not None and (sense >= 0.0 or r is own):
             result.append(Distance(high - r.value, -r.weight, r.place))
-        if equal is not None:
+        if equal is not None and (sense == 0.0 or r is own):
             side = math.copysign(1.0, r.value - equal)
             result.append(Distance(float(width or 0.0) - abs(r.value - equal), -side * r.weight, r.place))
     return result
@@ -326,6 +330,8 @@ def _phase_margin(_: Requirement, member: Member) -> Iterator[Distance]:
 
 
 def _delay_margin(_: Requirement, member: Member) -> Iterator[Distance]:
+    if member.margins.direct >= 1.0:
+        yield Distance(0.0, np.zeros((len(member.left), member.right.shape[1])), math.inf)
     for hz, _margin, delay, phase, moved in _gain_crossings(member):
         yield Distance(delay, phase / 360.0 / hz - delay / hz * moved, hz)
 
@@ -448,7 +454,7 @@ def _above(requirement: Bandwidth, member: Member, hz: float) -> list[Distance]:
     many of it as the distance has units (6 dB, 45 deg).
     """
     place, quantity = _places(requirement, member.system), requirement.criterion
-    grid = _grid(member.system)
+    grid = np.union1d(_grid(member.system), _sines(member, place).grid(()))
     first = min(float(grid[0]), hz / 100.0)
     free = quantity == "gain" and requirement.reference is None
     drop = requirement.angle if quantity == "phase" else (requirement.reference or 0.0) - requirement.drop
@@ -510,3 +516,10 @@ _READERS: Mapping[type[Requirement], Callable[..., Iterator[Distance]]] = {
     Mask: _mask,
     Bandwidth: _bandwidth,
 }
+
+# Which of its readings a requirement's number is, where it is one of them: the least, or the largest. Its limit on that
+# side counts at every reading, as each may become that one; the limit on the other side, and `equal`, only there.
+_SENSES: Mapping[type[Requirement], float] = {
+    GainMargin: -1.0, PhaseMargin: -1.0, DelayMargin: -1.0, DiskMarginRequirement: -1.0,
+    PeakSensitivity: 1.0, HInfinityNorm: 1.0,
+}  # fmt: skip
