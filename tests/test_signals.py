@@ -137,6 +137,16 @@ def test_a_model_that_is_not_open_is_refused_in_one_line() -> None:
         wb.lin(cast("Any", "fmu:Rudder"))
 
 
+def test_a_closed_model_is_refused_whatever_ran_before_and_an_open_one_where_a_file_is_wanted() -> None:
+    with wb.load("fmu:FirstOrderLag") as model:
+        wb.lin(model)
+        with pytest.raises(wb.InputError, match="not an open model"):
+            wb.check(model)  # type: ignore[arg-type]
+    for f in (wb.lin, wb.trim, wb.simulate):
+        with pytest.raises(wb.InputError, match="FirstOrderLag was closed"):
+            f(model)
+
+
 def test_a_whole_number_beyond_all_floats_is_one_line() -> None:
     for make in (lambda: wb.Constant(10**400), lambda: wb.Sine(amplitude=10**400, frequency=1.0)):
         with pytest.raises(wb.InputError, match="must be a finite number"):

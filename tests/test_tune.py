@@ -27,6 +27,7 @@ from workbench.core.values.arrays import Floats
 from workbench.errors import InputError
 from workbench.jobs.options import Workers
 from workbench.study.requirements import KINDS
+from workbench.study.requirements.margins import DelayMargin, GainMargin
 from workbench.study.requirements.norms import HInfinityNorm
 from workbench.study.requirements.response import Mask
 from workbench.study.tune.family import LinearFamily, Member
@@ -479,12 +480,14 @@ def test_limits_on_the_other_side_count_where_the_number_is() -> None:
     assert norm(max=8.0)[0] == pytest.approx(-2.0, abs=0.02)
     lag = wb.Linear(np.array([[-1.0]]), np.ones((1, 1)), np.ones((1, 1)), np.zeros((1, 1)))
     loop = Member(lag, none[:1], none.T[:, :1], {}, {})  # which never crosses −180°
-    gain = KINDS["gain margin"]
-    low, high = ({"min": 6.0}, {"max": 60.0})
-    assert [r.value for r in readings(gain(name="r", analysis="a", kind="gain margin", **low), loop)] == [math.inf]
-    assert [r.value for r in readings(gain(name="r", analysis="a", kind="gain margin", **high), loop)] == [-math.inf]
+    wide, narrow = (
+        GainMargin(name="r", analysis="a", kind="gain margin", min=low, max=high)
+        for low, high in ((6.0, None), (None, 60.0))
+    )
+    assert [r.value for r in readings(wide, loop)] == [math.inf]
+    assert [r.value for r in readings(narrow, loop)] == [-math.inf]
     direct = wb.Linear(np.array([[-1.0]]), np.ones((1, 1)), np.ones((1, 1)), np.array([[1.5]]))
-    delay = KINDS["delay margin"](name="r", analysis="a", kind="delay margin", min=0.01)
+    delay = DelayMargin(name="r", analysis="a", kind="delay margin", min=0.01)
     asked = readings(delay, Member(direct, none[:1], none.T[:, :1], {}, {}))
     assert min(r.value for r in asked) == pytest.approx(-0.01)
 

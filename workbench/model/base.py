@@ -123,6 +123,7 @@ class Model(Closable):
         stop_time: end of the default experiment [s]; None: it names none.
         recipe: how to make the model again in another process; None: it lives in this one only.
         at: where its sessions start; None: where the model starts by itself.
+        closed: whether it was closed.
         rtol: relative tolerance of the workbench's own integration; 0: there is nothing that it integrates.
     """
 
@@ -140,6 +141,7 @@ class Model(Closable):
     recipe: Recipe | None = None
     at: OperatingPoint | None = None
     rtol: float = 0.0
+    closed: bool = False
 
     def __repr__(self) -> str:
         """Return one line: what it is, and how many variables of each kind it has."""

@@ -154,7 +154,7 @@ class DescribedModel(Model):
         self.start_note = ""
         self._start_probed = False
         self.slopes: bool | None = None
-        self._closed = False
+        self.closed = False
 
     def _with(self, *causalities: str) -> tuple[Variable, ...]:
         return tuple(v for v in self.description.variables if v.causality in causalities)
@@ -426,7 +426,7 @@ class DescribedModel(Model):
 
     def _start(self, setup: Setup) -> FmuSession:
         """Open a session that is closed with the model."""
-        if self._closed:
+        if self.closed:
             raise InputError(f"{self.source}: the model is closed")
         self._probe_start(setup)
         try:
@@ -514,5 +514,5 @@ class DescribedModel(Model):
             session.close()
 
     def close(self) -> None:
-        self._closed = True
+        self.closed = True
         self.end_sessions()

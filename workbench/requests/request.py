@@ -500,12 +500,18 @@ def answered(subject: _Subject, request: Request[_Subject, _Record]) -> _Record:
         request: what is asked.
 
     Raises:
-        InputError: a model that is not open.
+        InputError: a model that is not open, or not any more.
         StoppedError: it was interrupted; with what was finished.
     """
     if request.subject.opened and isinstance(subject, str | PathLike):
         words = f"model: {str(subject)!r} is not open; write with wb.load({str(subject)!r}) as model: … and give model"
         raise InputError(words)
+    if not request.subject.opened and hasattr(subject, "open_session"):
+        raise InputError(f"{request.subject.name}: this takes what `wb.load` takes, not an open model; give its file")
+    if getattr(subject, "closed", False) is True:
+        raise InputError(
+            f"model: {getattr(subject, 'name', '')} was closed; work with it inside its `with` block, or load it again"
+        )
     if request.progress is not None or "IPython" not in sys.modules:
         return _stoppable(subject, request, Job(request.progress))
     from workbench.requests.progress_bar import Bar, in_notebook  # noqa: PLC0415 - seldom needed

@@ -108,13 +108,13 @@ def readings(requirement: Requirement, member: Member) -> list[Distance]:
     found = list(reader(requirement, member))
     if not found and sense < 0.0:  # without a crossing a margin is infinite
         found = [Distance(math.inf, np.zeros((len(member.left), member.right.shape[1])), math.inf)]
-    own = max(found, key=lambda r: sense * r.value, default=None)
+    extreme = max(found, key=lambda r: sense * r.value, default=None)
     for r in found:
-        if low is not None and (sense <= 0.0 or r is own):
+        if low is not None and (sense <= 0.0 or r is extreme):
             result.append(Distance(r.value - low, r.weight, r.place))
-        if high is not None and (sense >= 0.0 or r is own):
+        if high is not None and (sense >= 0.0 or r is extreme):
             result.append(Distance(high - r.value, -r.weight, r.place))
-        if equal is not None and (sense == 0.0 or r is own):
+        if equal is not None and (sense == 0.0 or r is extreme):
             side = math.copysign(1.0, r.value - equal)
             result.append(Distance(float(width or 0.0) - abs(r.value - equal), -side * r.weight, r.place))
     return result
