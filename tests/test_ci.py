@@ -108,7 +108,7 @@ def test_what_is_not_met_fails_the_job_and_stands_at_its_line(repository: Path) 
     (repository / "broken.fmu").write_text("not an FMU", encoding="utf-8")
     variables = {"FMUS": "broken.fmu", "STUDIES": study.name, "REPORTS": "reports", "GITHUB_ACTIONS": "true"}
     done = step(SCRIPT, repository, variables | {"GITHUB_STEP_SUMMARY": "", "GITHUB_WORKSPACE": ""})
-    assert done.returncode == 1
+    assert done.returncode == 2
     number = study.read_text(encoding="utf-8").splitlines().index('name = "settling"') + 1
     errors = [line for line in done.stderr.splitlines() if line.startswith("::error")]
     assert re.match(r"::error file=broken\.fmu::broken\.fmu: ", errors[0])

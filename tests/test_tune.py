@@ -471,13 +471,15 @@ def test_limits_on_the_other_side_count_where_the_number_is() -> None:
     )  # fmt: skip
     member = Member(system, none, none.T, {}, {})
 
-    def norm(**limits: Any) -> list[float]:
-        asked = HInfinityNorm(name="r", analysis="a", kind="h-infinity norm", **limits)
+    def norm(low: float | None = None, high: float | None = None, equal: float | None = None) -> list[float]:
+        asked = HInfinityNorm(
+            name="r", analysis="a", kind="h-infinity norm", min=low, max=high, equal=equal, tolerance=0.5
+        )
         return sorted(r.value for r in readings(asked, member))
 
-    assert norm(min=8.0) == pytest.approx([2.0], abs=0.02)
-    assert norm(equal=10.0, tolerance=0.5) == pytest.approx([0.5], abs=0.02)
-    assert norm(max=8.0)[0] == pytest.approx(-2.0, abs=0.02)
+    assert norm(low=8.0) == pytest.approx([2.0], abs=0.02)
+    assert norm(equal=10.0) == pytest.approx([0.5], abs=0.02)
+    assert norm(high=8.0)[0] == pytest.approx(-2.0, abs=0.02)
     lag = wb.Linear(np.array([[-1.0]]), np.ones((1, 1)), np.ones((1, 1)), np.zeros((1, 1)))
     loop = Member(lag, none[:1], none.T[:, :1], {}, {})  # which never crosses −180°
     wide, narrow = (

@@ -244,7 +244,7 @@ def _heard(events: Iterator[Any], job: telling.Job) -> _RequestEnded:
                 job.partial = partial(_same, progress.partial)
             job.done(progress.what, progress.done, progress.total)
         elif result is None and whole is not None:
-            result = _RequestEnded(whole.partial, None, (f"{whole.checking} came to no end: {event.reason}",))
+            result = _RequestEnded(whole.partial, None, (f"{whole.checking} did not finish: {event.reason}",))
         elif result is None:
             raise event.error
         else:

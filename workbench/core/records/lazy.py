@@ -54,11 +54,13 @@ def lazily(package: str, file: str, added: str = "") -> tuple[Callable[[str], ob
 
     def other(name: str) -> object:
         from workbench.core.records.plug_ins import faults  # noqa: PLC0415 - see above
+        from workbench.errors import close_names  # noqa: PLC0415 - see above
 
         there = others()
         if name in there:
             return there[name]
-        why = "".join(f"; {fault}" for fault in faults())
+        near = close_names(name, known())
+        why = "".join([f"; did you mean {', '.join(near)}?" if near else "", *(f"; {fault}" for fault in faults())])
         raise AttributeError(f"module '{package}' has no attribute '{name}'{why}")
 
     def get(name: str) -> object:

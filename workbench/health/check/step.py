@@ -107,7 +107,8 @@ def step(subject: CheckedFmu) -> Answer:
     if isinstance(swing, str) or swung is None:
         unknown = f"; with moving inputs not known: {swing}" if subject.inputs else ""
         return Answer(verdict, f"{evidence} {at}{unknown}{seen}", consequence, numbers)
-    evidence = f"{_share(swung)} {at} with {swing.words}; after a jump of the inputs {evidence}{seen}"
+    without = "after a jump of the inputs" if subject.inputs else "with inputs at rest"
+    evidence = f"{_share(swung)} {at} with {swing.words}; {without} {evidence}{seen}"
     if swung.error <= _FINE or subject.own_step is None:
         return Answer(verdict, evidence, consequence, numbers)
     return Answer("watch", evidence, consequence or _advice(subject, swung, subject.step), numbers)
@@ -121,7 +122,7 @@ def _still(subject: CheckedFmu) -> str:
 def _share(near: _Convergence) -> str:
     if not math.isfinite(near.error):
         return "fails"
-    return f"error {100.0 * near.error:.2g} % of the range of {near.name}"
+    return f"error {float(f'{100.0 * near.error:.2g}'):g} % of the range of {near.name}"
 
 
 def _verdict(subject: CheckedFmu, near: _Convergence, far: float, reached: float) -> tuple[str, str, str]:

@@ -17,7 +17,10 @@ def calibrate_page(result: CalibrateResult) -> Page:
     """Return the page of a calibration: parameters and regions, what the data do not tell, fits, residuals."""
     fits = ", ".join(f"{name} {fit:.4g} %" for name, fit in result.fit_percent.items())
     known = sum(p.identifiable for p in result.parameters)
-    how_many = f"{known} of {counted(len(result.parameters), 'value')}"
+    count = len(result.parameters)
+    how_many = (
+        f"{known} of {counted(count, 'value')}" if count > 1 else "the value" if known else "nothing of the value"
+    )
     doubt = ", but they hang on what inputs do between samples" if result.doubt else ""
     doubt += ", but the model misses something, and regions may not hold them" if result.misfit else ""
     words = "Measured, computed with the start values, computed with the estimate; the band is what the regions leave."

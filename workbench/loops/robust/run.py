@@ -126,14 +126,16 @@ def _analysed(
             f"robust: {model.name} is not known to be stable in the middle of the ranges, its transport delays as they "
             f"are: {reason}; choose ranges around a stable point"
         )
-    margin = proved_margin(family, _most(request, family.parameters, model))
+    most, ended = _most(request, family.parameters, model)
+    margin = proved_margin(family, most)
     stability, parts, whole = _stability(family, margin, request)
     gain = None
     if opened.performance:
         gain = worst_gain(family, whole, parts.proved, opened.performance, request.band)
     if request.out is not None:
         write_system_of(model, stability.worst.parameters, Path(request.out))
-    notes = (*opened.notes, *remarks, *margin.notes, *_told(family, whole))
+    far = (ended,) if ended and math.isinf(stability.upper) else ()
+    notes = (*opened.notes, *remarks, *margin.notes, *far, *_told(family, whole))
     return RobustResult(
         model=model.name,
         interface=model.interface,
@@ -173,19 +175,23 @@ def _opened(model: DescribedModel, request: Robust) -> Iterator[_OpenedLoops]:
         )  # fmt: skip
 
 
-def _most(request: Robust, parameters: Sequence[UncertainParameter], model: DescribedModel) -> float:
-    """Return the largest multiple of the ranges: none in which a parameter changes its sign or leaves its limits."""
+def _most(request: Robust, parameters: Sequence[UncertainParameter], model: DescribedModel) -> tuple[float, str]:
+    """Return the largest multiple of the ranges, and what ends it before the one that was asked for.
+
+    None in which a parameter changes its sign or leaves its limits.
+    """
     limits = {v.name: (v.minimum, v.maximum) for v in model.description.variables}
-    result = max(request.up_to, 1.0)
+    ends = [(max(request.up_to, 1.0), "")]
     for p in parameters:
         middle, half = p.value(0.0), 0.5 * (p.high - p.low)
         if p.low > 0.0 or p.high < 0.0:
-            result = min(result, max(1.0, 0.98 * abs(middle) / half))
+            ends.append((max(1.0, 0.98 * abs(middle) / half), f"{p.name} changes its sign"))
         low, high = limits.get(p.name, (None, None))
         for end, sign in ((low, -1.0), (high, 1.0)):
             if end is not None and sign * (end - middle) > 0.0:
-                result = min(result, max(1.0, sign * (end - middle) / half))
-    return result
+                ends.append((max(1.0, sign * (end - middle) / half), f"{p.name} leaves the limits of the FMU"))
+    most, why = min(ends)
+    return most, f"wider ranges than {most:.3g} times were not looked at: there {why}" if why else ""
 
 
 def _stability(
