@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -93,3 +95,36 @@ def test_a_handler_of_the_users_own_is_left_alone() -> None:
     finally:
         signal.signal(signal.SIGINT, before)
     assert heard == [signal.SIGINT]
+
+
+_LATE = """
+import os, signal
+from workbench.cli import derive, main
+show = derive._show
+def late(*given):
+    os.kill(os.getpid(), signal.SIGTERM)
+    return show(*given)
+derive._show = late
+main(["lin", "fmu:FirstOrderLag", "--json", "out.json"])
+"""
+_EARLY = """
+import runpy, sys
+class Ctrl_C:
+    def find_spec(self, name, *_):
+        if name == "workbench.cli":
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Ctrl_C())
+runpy.run_module("workbench", run_name="__main__")
+"""
+
+
+def test_a_signal_between_the_work_and_its_files_loses_nothing(tmp_path: Path) -> None:
+    done = subprocess.run([sys.executable, "-c", _LATE], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 143
+    assert json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))["A"]
+    assert "interrupted by SIGTERM: the result is written" in done.stderr
+
+
+def test_ctrl_c_while_the_program_is_imported_is_no_traceback(tmp_path: Path) -> None:
+    done = subprocess.run([sys.executable, "-c", _EARLY], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (130, "")

@@ -28,6 +28,7 @@ from workbench.requests.request import Request, asked_options, function, request
 from workbench.show.files_written import Written, written_of
 
 if TYPE_CHECKING:
+    from workbench.cli.interrupt import OnInterrupt
     from workbench.cli.output import Output
     from workbench.cli.questions import Before
     from workbench.jobs.job import Job
@@ -57,6 +58,7 @@ def command(requests: Sequence[type[Request[Any, Any]]], before: Before | None =
     first = requests[0]
 
     def run(**given: Any) -> int:  # noqa: ANN401 - of any option
+        from workbench.cli.interrupt import OnInterrupt, interrupted
         from workbench.cli.notes import note
         from workbench.cli.output import Output
 
@@ -74,9 +76,14 @@ def command(requests: Sequence[type[Request[Any, Any]]], before: Before | None =
             with request.opened(subject, loading) as (opened, notes):
                 for text in notes:
                     note(text)
-                with _under_way() as work:
-                    work.record = asked.run(opened, work.job)
-                return _ended(opened, asked, work, out, written)
+                with OnInterrupt() as wish:
+                    with _under_way(wish) as work:
+                        work.record = asked.run(opened, work.job)
+                    code = _ended(opened, asked, work, out, written)
+                if wish.came and work.stopped is None:
+                    note(f"{interrupted()}: the result is written")
+                    return INTERRUPTED
+                return code
 
     return PlainCommand(first.command, callback=run, params=_parameters(requests), help=_help(requests))
 
@@ -148,9 +155,8 @@ class _CommandRun:
 
 
 @contextmanager
-def _under_way() -> Iterator[_CommandRun]:
+def _under_way(wish: OnInterrupt) -> Iterator[_CommandRun]:
     """Show how far a request is while it is run here; whatever ends it, what it has is kept."""
-    from workbench.cli.interrupt import OnInterrupt
     from workbench.cli.notes import say
     from workbench.jobs.job import Job
     from workbench.requests.progress_bar import Bar
@@ -159,8 +165,8 @@ def _under_way() -> Iterator[_CommandRun]:
         bar.update(done / total, str(what))
 
     bar, work = Bar(1.0), _CommandRun(Job(tell))
-    work.job.say = say
-    with bar, OnInterrupt(work.job.stop):
+    work.job.say, wish.act = say, work.job.stop
+    with bar:
         try:
             yield work
         except (KeyboardInterrupt, WorkbenchError) as error:

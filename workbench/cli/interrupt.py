@@ -47,16 +47,18 @@ class OnInterrupt:
     An exception raised in a callback of the integrator would be swallowed there and spoil the
     numbers; so the work is asked to stop at a place where it can.
 
+    It is left when what there is was written: between the work and that a signal must not lose the result.
+
     Args:
         act: what to do; must be short.
 
     Attributes:
         came: whether one was heard.
+        act: see above; another one may be put in its place.
     """
 
-    def __init__(self, act: Callable[[], None]) -> None:
-        self.came = False
-        self._act = act
+    def __init__(self, act: Callable[[], None] = lambda: None) -> None:
+        self.came, self.act = False, act
         self._before: dict[signal.Signals, Any] = {}
         self._active = threading.current_thread() is threading.main_thread()
 
@@ -65,7 +67,7 @@ class OnInterrupt:
         self.came = True
         for listened in self._before:
             signal.signal(listened, _end_at_once)
-        self._act()
+        self.act()
 
     def __enter__(self) -> Self:
         if self._active:

@@ -14,6 +14,7 @@ from workbench.jobs.end_signals import INTERRUPTED
 from workbench.jobs.options import DEFAULT_TIMEOUT, Workers
 
 if TYPE_CHECKING:
+    from workbench.cli.interrupt import OnInterrupt
     from workbench.cli.output import Output
     from workbench.show.page import Section
     from workbench.study.result import StudyResult
@@ -96,6 +97,8 @@ def run(
     """
     from workbench.cli.command_line import in_flags
     from workbench.cli.github import tell_github
+    from workbench.cli.interrupt import OnInterrupt, interrupted
+    from workbench.cli.notes import note
     from workbench.cli.output import Output
     from workbench.show.result import page_of
     from workbench.study.read import bundled_studies, is_bundled_study
@@ -117,15 +120,19 @@ def run(
             raise InputError(f"--update-baselines: {study} is a bundled one; --example prints it, to keep as a file")
         prepared = StudyRun(study, store=folder, fresh=fresh)
         place = Workers(jobs=jobs, timeout=timeout, confine=confine, scheduler=scheduler, tls=scheduler_tls)
-        result = _run(prepared, place, kept=folder is not None, update=update_baselines)
-    _show(result, out)
-    page = lambda: in_flags(page_of(result))  # noqa: E731
-    out.write(result.to_dict, csv=result.to_csv, report=result, page=page)
-    if junit is not None:
-        result.to_junit(junit)
-        out.wrote(junit)
-    tell_github(result, page)
-    if result.missing:
+    with OnInterrupt() as wish:
+        with out.failing():
+            result = _run(prepared, place, wish, kept=folder is not None, update=update_baselines)
+        _show(result, out)
+        page = lambda: in_flags(page_of(result))  # noqa: E731
+        out.write(result.to_dict, csv=result.to_csv, report=result, page=page)
+        if junit is not None:
+            result.to_junit(junit)
+            out.wrote(junit)
+        tell_github(result, page)
+    if wish.came and not result.missing:
+        note(f"{interrupted()}: the result is written")
+    if wish.came:
         return INTERRUPTED
     return 0 if result.passed else _NOT_MET
 
@@ -137,10 +144,10 @@ def _print_example(name: str) -> int:
     return 0
 
 
-def _run(prepared: StudyRun, workers: Workers, *, kept: bool, update: bool) -> StudyResult:
+def _run(prepared: StudyRun, workers: Workers, wish: OnInterrupt, *, kept: bool, update: bool) -> StudyResult:
     """Run with a bar; Ctrl-C ends it, what is finished stays where it is kept."""
     from workbench.cli.command_line import command_line
-    from workbench.cli.interrupt import OnInterrupt, interrupted
+    from workbench.cli.interrupt import interrupted
     from workbench.cli.notes import flush, note
     from workbench.jobs.job import Job
     from workbench.requests.progress_bar import Bar
@@ -148,7 +155,9 @@ def _run(prepared: StudyRun, workers: Workers, *, kept: bool, update: bool) -> S
     def tell(label: object, done: int, total: int) -> None:
         bar.update(done / (total or 1), str(label))
 
-    with Bar(1.0) as bar, (job := Job(tell)).ended_by(), OnInterrupt(job.stop):
+    job = Job(tell)
+    wish.act = job.stop
+    with Bar(1.0) as bar, job.ended_by():
         result = prepared.run(lambda: workers, job, command=command_line(), update_baselines=update)
     for text in result.notes:
         note(text)
