@@ -7,6 +7,7 @@ Then: workbench nfr fmu:Rudder --input delC --output del --band 0.5:20 --amplitu
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 import threading
 from contextlib import suppress
@@ -26,6 +27,7 @@ def main() -> int:
     parser.add_argument("--port", type=int, default=8786, help="likewise; 0: any")
     parser.add_argument("--tls", metavar="CA,CERT,KEY", help="files of certificates and key, for tls://")
     asked = parser.parse_args()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does, and leaves nothing behind
     try:
         tls = asked.tls.split(",") if asked.tls else None
         with started(asked.workers, host=asked.host, port=asked.port, tls=tls) as cluster, suppress(KeyboardInterrupt):
