@@ -114,6 +114,19 @@ def test_of_a_lag_and_an_oscillator_the_engine_finds_what_their_equations_say() 
     assert abs(light.resonance_gain_db - gain_db) <= light.resonance_error_db + 1e-5
 
 
+def oscillation(zeta: float) -> Callable[[float, float], complex]:
+    return lambda f, _: 1.0 / (1.0 - f**2 + 2j * zeta * f)
+
+
+def test_a_fall_behind_a_resonance_is_told_to_be_no_bandwidth() -> None:
+    """1/(1 − f² + 2ζ j f): 14 dB above its gain at rest with ζ = 0.1, none with ζ = 0.7."""
+    for zeta, resonant in ((0.1, True), (0.7, False)):
+        measure = measured(oscillation(zeta), 1e-6, 0)
+        found = features_of([measure(f, 1.0) for f in GRID], DROP, measure)
+        assert found.bandwidth_hz is not None
+        assert ("that is not a bandwidth" in found.remark) == resonant
+
+
 def test_a_jump_over_the_level_is_told_and_is_where_it_is() -> None:
     def jumps(frequency: float, amplitude: float) -> complex:
         return complex(1.0 if frequency < 1.7 / amplitude else 0.2)

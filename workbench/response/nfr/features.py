@@ -115,6 +115,10 @@ def features_of(row: Sequence[NfrPoint], drop_db: float, measure: Measure) -> Cu
             result = replace(
                 result, resonance_hz=peak.frequency, resonance_gain_db=gain_db, resonance_error_db=error_db
             )
+            above = gain_db - _gain_db(known[0])
+            if result.bandwidth_hz is not None and result.bandwidth_hz > peak.frequency and above > DROP_DB:
+                where = f"{peak.frequency:.4g} Hz, {above:.3g} dB above the gain at {known[0].frequency:.4g} Hz"
+                remarks.append(f"the gain falls behind a resonance ({where}): that is not a bandwidth")
     except _UnmeasuredError as failure:
         remarks.append(f"resonance: {failure}")
     return replace(result, remark="; ".join(filter(None, remarks)))
