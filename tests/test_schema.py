@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 from jsonschema import Draft202012Validator
+from jsonschema.exceptions import best_match
 
 import workbench as wb
 from tests.test_request_lines import VALUES, asked_at_random
@@ -227,7 +228,28 @@ def test_every_key_has_a_description(name: str) -> None:
 
 def test_kinds_of_requirements_are_told_apart() -> None:
     kinds = wb.schema("study")["properties"]["requirements"]["items"]["anyOf"]
-    assert [one["properties"]["kind"]["const"] for one in kinds] == list(KINDS)
+    assert [one["properties"]["kind"]["const"] for one in kinds[:-1]] == list(KINDS)
+    assert kinds[-1] == {}
+
+
+GOOD = 'analyses.a = {command = "lin", model = "m"}\n'
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ('[analyses.a]\ncommand = "lin"\nmodel = "m"\ninputz = "u"', "'inputz' "),
+        ('[analyses.a]\ncommand = "linn"\nmodel = "m"', "'linn' is not one of"),
+        ('[analyses.a]\nmodel = "m"', "'command' is a required property"),
+        (f'{GOOD}[[requirements]]\nname = "r"\nanalysis = "a"\nkind = "gain"\nmim = 1', "'mim' was unexpected"),
+    ],
+)  # fmt: skip
+def test_the_mistake_is_named(wrong: str, words: str) -> None:
+    data = tomllib.loads(f'models.m = "fmu:FirstOrderLag"\n{wrong}')
+    errors = Draft202012Validator(wb.schema("study")).iter_errors(data)
+    worst = best_match(errors)
+    assert worst is not None
+    assert words in worst.message
 
 
 def test_a_schema_of_another_name_is_none() -> None:

@@ -35,6 +35,7 @@ _REFERENCE = {
     "additionalProperties": False,
 }
 _TO_REFERENCE = {"$ref": "#/$defs/reference"}
+_ANALYSES = "#/properties/analyses/additionalProperties"
 _SCALAR = {"type": ["boolean", "number", "string"]}
 
 
@@ -75,10 +76,13 @@ def _study() -> dict[str, Any]:
         "envelope": _envelope(),
         "analyses": {
             "type": "object",
-            "additionalProperties": {"anyOf": [_analysis(name) for name in COMMANDS]},
+            "additionalProperties": _by("command", {name: _analysis(name) for name in COMMANDS}, _ANALYSES),
             "minProperties": 1,
         },
-        "requirements": {"type": "array", "items": {"anyOf": [_requirement(kind) for kind in KINDS]}},
+        "requirements": {
+            "type": "array",
+            "items": _by("kind", {kind: _requirement(kind) for kind in KINDS}, "#/properties/requirements/items"),
+        },
     }
     result["properties"] |= {name: {"description": meaning(StudyTable, name), **held} for name, held in tables.items()}
     defs = {
@@ -89,6 +93,22 @@ def _study() -> dict[str, Any]:
         "spread": _nested(json_schema(SpreadTable), "spread"),
     }
     return {"$schema": DRAFT, **result, "title": "Study", "$defs": defs}
+
+
+def _by(key: str, held: Mapping[str, Mapping[str, Any]], place: str) -> dict[str, Any]:
+    """Return what is one of these by its key: editors complete from `anyOf`, a validator names the mistake by `then`.
+
+    The last of `anyOf` fits all: else a validator would say no more than that none does.
+
+    Args:
+        key: that tells them apart.
+        held: its value → schema.
+        place: where in the file the result stands, a JSON pointer.
+    """
+    said = [{"properties": {key: {"const": value}}, "required": [key]} for value in held]
+    then = [{"if": one, "then": {"$ref": f"{place}/anyOf/{k}"}} for k, one in enumerate(said)]
+    known = {"properties": {key: {"enum": list(held), "description": "What it is."}}, "required": [key]}
+    return {"anyOf": [*held.values(), {}], "allOf": [known, *then]}
 
 
 def _by_path(name: str) -> dict[str, Any]:
@@ -127,7 +147,10 @@ def _limits(kind: type[Requirement]) -> dict[str, Any]:
 def _analysis(name: str) -> dict[str, Any]:
     """Return the schema of an analysis by a command, whichever of its requests is meant."""
     result = [_asked(name, command(request)) for request in EVERY[name]]
-    return result[0] if len(result) == 1 else {"title": name, "anyOf": result}
+    if len(result) == 1:
+        return result[0]
+    keys = dict.fromkeys(spelt for one in result for key in one["properties"] for spelt in (key, key.replace("-", "_")))
+    return {"title": name, "anyOf": result, "propertyNames": {"enum": list(keys)}}
 
 
 def _asked(name: str, facts: Command) -> dict[str, Any]:
