@@ -298,6 +298,18 @@ def test_several_points_and_a_file_with_its_comments(tuned: Callable[..., wb.Tun
     assert row[2].endswith(" dB")
 
 
+def test_where_nothing_is_measured_no_file_is_written(tuned: Callable[..., wb.TuneResult]) -> None:
+    with pytest.raises(
+        wb.SimulationError, match="no requirement could be measured, and tuned.toml was not written"
+    ) as e:
+        tuned(
+            QUICK.replace("stability", "damping").replace("max = -4.0", "min = 0.5\nband = [100.0, 200.0]"),
+            out="tuned.toml",
+        )
+    assert isinstance(e.value.before, wb.TuneResult)
+    assert not Path("tuned.toml").exists()
+
+
 def test_a_parameter_of_an_fmu_is_linearised_anew(tuned: Callable[..., wb.TuneResult]) -> None:
     found = tuned(QUICK, {"lag.tau": (0.05, 2.0)})
     assert found.passed

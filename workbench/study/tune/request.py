@@ -51,7 +51,8 @@ class Tune(Request["str | Path", "TuneResult"]):
     Raises:
         InputError: the study is wrong or does not use the system, no such parameter, no such requirement.
         FmuError: a model cannot be opened.
-        SimulationError: no start at which the requirements can be evaluated.
+        SimulationError: no start at which the requirements can be evaluated; none is measured at the end, where a file
+            is wanted.
 
     Source: P. Apkarian, D. Noll, Nonsmooth H∞ synthesis, IEEE Trans. Automatic Control 51 (2006) 71-86; J. V. Burke,
     A. S. Lewis, M. L. Overton, A robust gradient sampling algorithm, SIAM J. Optimization 15 (2005) 751-779.

@@ -67,6 +67,11 @@ def run(system: str | Path, request: Tune, job: Job) -> TuneResult:
         problem = TuneProblem(study, models, described, free, evaluator)
         work = _TuneRun(problem, request, job, evaluator=evaluator, finished=finished, system=described.name)
         result = work.done()
+    if request.out is not None and result.objective is None:
+        why = next((r.reason for r in result.requirements if r.reason), "")
+        error = SimulationError(f"no requirement could be measured, and {request.out} was not written: {why}")
+        error.before = result
+        raise error
     if request.out is not None and request.sample is not None:
         tuned = with_values(described, result.values)
         write_controller(tuned, list(result.values), request.sample, Path(request.out), request.fmi or 2)
