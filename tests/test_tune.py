@@ -300,7 +300,7 @@ def test_several_points_and_a_file_with_its_comments(tuned: Callable[..., wb.Tun
 
 def test_where_nothing_is_measured_no_file_is_written(tuned: Callable[..., wb.TuneResult]) -> None:
     with pytest.raises(
-        wb.SimulationError, match="no requirement could be measured, and tuned.toml was not written"
+        wb.SimulationError, match=r"no requirement could be measured, and tuned\.toml was not written"
     ) as e:
         tuned(
             QUICK.replace("stability", "damping").replace("max = -4.0", "min = 0.5\nband = [100.0, 200.0]"),
