@@ -132,7 +132,7 @@ def run(
         tell_github(result, page)
     if wish.came and not result.missing:
         note(f"{interrupted()}: the result is written")
-    if wish.came:
+    if wish.came or result.missing:
         return INTERRUPTED
     return 0 if result.passed else _NOT_MET
 

@@ -506,7 +506,7 @@ def answered(subject: _Subject, request: Request[_Subject, _Record]) -> _Record:
     if request.subject.opened and isinstance(subject, str | PathLike):
         words = f"model: {str(subject)!r} is not open; write with wb.load({str(subject)!r}) as model: … and give model"
         raise InputError(words)
-    if not request.subject.opened and hasattr(subject, "open_session"):
+    if "Path" in request.subject.type and hasattr(subject, "open_session"):
         raise InputError(f"{request.subject.name}: this takes what `wb.load` takes, not an open model; give its file")
     if getattr(subject, "closed", False) is True:
         raise InputError(

@@ -11,7 +11,6 @@ import numpy as np
 
 from workbench.core.records.record import RecordPart, entry
 from workbench.core.values.linear import Linear, LinearPart
-from workbench.core.values.matrices import rounding_of_poles
 from workbench.core.values.poles import ON_BORDER, growth_rates, sides
 from workbench.errors import InputError
 from workbench.loops.nyquist.crossings import SAME, axis_crossings
@@ -152,7 +151,8 @@ def count_poles(plant: LinearPart, gain: float) -> tuple[int, int]:
         gain: g.
     """
     closed = plant.closed(gain)
-    rounding = rounding_of_poles(closed, 10.0)
+    # As crossings are found: in balanced units entries that are rounding only would count as exact ones.
+    rounding = 10.0 * np.finfo(float).eps * float(np.linalg.norm(closed)) if len(closed) else 0.0
     beyond, on = sides(np.linalg.eigvals(closed), plant.dt, relative=ON_BORDER, rounding=rounding)
     return int(np.sum(beyond)), int(np.sum(on))
 
