@@ -10,9 +10,9 @@ const schema = {
     analyses: { type: "object", additionalProperties: { anyOf: [
       { properties: { command: { const: "trim" }, model: {}, u0: { description: "Inputs." } } },
       { anyOf: [{ properties: { command: { const: "nfr" }, band: { description: "Band.", unit: "Hz" }, method: { anyOf: [{ enum: ["solve", "settle"] }, { $ref: "#/$defs/reference" }] } } }] },
-      {},
+      { properties: { command: {} } },
     ] } },
-    requirements: { type: "array", items: { anyOf: [{ properties: { kind: { const: "value" }, path: {}, analysis: {} } }, { properties: { kind: { const: "mask" }, upper: {} } }, {}] } },
+    requirements: { type: "array", items: { anyOf: [{ properties: { kind: { const: "value" }, path: {}, analysis: {} } }, { properties: { kind: { const: "mask" }, upper: {} } }, { properties: { kind: {} } }] } },
   },
   $defs: { model: { properties: { model: {}, tolerance: {} } }, reference: { type: "object", properties: { from: {} } } },
 };

@@ -107,8 +107,9 @@ def _by(key: str, held: Mapping[str, Mapping[str, Any]], place: str) -> dict[str
     """
     said = [{"properties": {key: {"const": value}}, "required": [key]} for value in held]
     then = [{"if": one, "then": {"$ref": f"{place}/anyOf/{k}"}} for k, one in enumerate(said)]
-    known = {"properties": {key: {"enum": list(held), "description": "What it is."}}, "required": [key]}
-    return {"anyOf": [*held.values(), {}], "allOf": [known, *then]}
+    said_so = {"description": "What it is."}
+    known = {"properties": {key: {"enum": list(held), **said_so}}, "required": [key]}
+    return {"anyOf": [*held.values(), {"properties": {key: said_so}}], "allOf": [known, *then]}
 
 
 def _by_path(name: str) -> dict[str, Any]:

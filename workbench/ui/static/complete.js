@@ -49,7 +49,7 @@ export function propertiesOf(schema, { name, keys }) {
   if (!name) return schema.properties;
   if (section === "requirements" || section === "analyses") {
     const [key, every] = section === "requirements" ? ["kind", branches(schema, held.items)] : ["command", branches(schema, held.additionalProperties)];
-    const named = every.filter((b) => b.properties); // the last branch, which fits all, has none
+    const named = every.filter((b) => b.properties[key].const !== undefined); // the last branch fits all
     const chosen = named.filter((b) => b.properties[key].const === bare(keys[key]));
     const own = Object.assign({}, ...chosen.map((b) => b.properties));
     return { ...own, [key]: { description: section === "requirements" ? "What is required." : "Command that is run.", enum: [...new Set(named.map((b) => b.properties[key].const))] } };

@@ -187,7 +187,7 @@ class StudyPage {
 /** What each kind of requirement takes: kind → its schema. */
 async function kindsOf() {
   const { properties } = await schemaOf();
-  return Object.fromEntries(properties.requirements.items.anyOf.filter((s) => s.properties).map((s) => [s.properties.kind.const, s]));
+  return Object.fromEntries(properties.requirements.items.anyOf.filter((s) => s.properties.kind.const).map((s) => [s.properties.kind.const, s]));
 }
 
 /** A value as TOML has it: numbers, truths, lists and tables as they are, all else a text. */
