@@ -237,7 +237,8 @@ def identify(_: Lab) -> Iterator[Row]:
         for what in ("workbench", "SIPPY", "nfoursid")
     )
     for peer in peers:
-        yield Row(f"identify, beside {peer.what}", ours, peer, ratio, "×")
+        goal = 1.3 if peer.what == "SIPPY" else math.inf
+        yield Row(f"identify, beside {peer.what}", ours, peer, ratio, "×", goal)
 
 
 def build(lab: Lab) -> Iterator[Row]:
