@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+import workbench as wb
 from tests.hybrid_fmus import Hybrid, open_fake
 from workbench.cli.app import run
 from workbench.core.values.arrays import Floats
@@ -321,3 +322,19 @@ def test_bad_input_to_the_command_is_one_line(more: list[str], words: str, capsy
     assert captured.out == ""
     assert len(captured.err.splitlines()) == 1
     assert words in captured.err
+
+
+def test_a_signal_over_time_is_no_design() -> None:
+    with (
+        wb.load("fmu:FirstOrderLag") as lag,
+        pytest.raises(wb.InputError, match="a Step is no design of an experiment"),
+    ):
+        wb.excite(lag, "u", "y", signal=wb.Step(time=0.1, value=1.0), dt=0.1, samples=64)  # type: ignore[arg-type]
+
+
+def test_values_where_names_are_wanted_are_not_dropped() -> None:
+    with wb.load("fmu:FirstOrderLag") as lag:
+        with pytest.raises(wb.InputError, match="has values; names alone are wanted"):
+            wb.trim(lag, free={"u": 2.0})  # type: ignore[arg-type]
+        with pytest.raises(wb.InputError, match="has values; names alone are wanted"):
+            wb.lin(lag, inputs={"u": 2.0})  # type: ignore[arg-type]

@@ -230,6 +230,8 @@ def _amounts(value: Any) -> tuple[float, ...]:  # noqa: ANN401
 
 
 def _names(value: Any) -> tuple[str, ...]:  # noqa: ANN401
+    if isinstance(value, Mapping):
+        raise ValueError(f"{dict(value)!r} has values; names alone are wanted, as a list")
     names = tuple(split_names(value)) if isinstance(value, str) else tuple(value)
     if (wrong := next((x for x in names if not isinstance(x, str)), None)) is not None:
         raise ValueError(f"{wrong!r} is not a name")

@@ -25,6 +25,8 @@ _FEWEST_SAMPLES = 40
 _LONGEST_MEMORY = 2_000
 _BEST_DB = 200.0
 _ALL_BUT_PERFECT = 1e-4  # of the variance left over
+_NOTHING = 0.9  # likewise: of an equation that explains next to nothing
+_FEWER = (12, 6)  # lags
 _EXCITED_DB = -30.0  # below the peak of an input's density: what is lower is not excitation
 
 
@@ -98,13 +100,14 @@ class DataStudy:
         """The equation that serves best for simulation, and the outputs by it, without their means.
 
         The best predictor may be wild at frequencies that the inputs do not contain, even unstable; then one that
-        is left at 0 there simulates better.
+        is left at 0 there simulates better. Where neither explains anything both may be unstable by what they have too
+        much: fewer lags are tried.
         """
         best = self.arx, self._run(self.arx)
-        if self._left(best[1]) > _ALL_BUT_PERFECT:
-            tame = fit_long_arx(self.u, self.y, truncate=TAME)
-            other = tame, self._run(tame)
-            best = min(best, other, key=lambda pair: self._left(pair[1]))
+        for lags, enough in ((None, _ALL_BUT_PERFECT), (_FEWER[0], _NOTHING), (_FEWER[1], _NOTHING)):
+            if self._left(best[1]) > enough:
+                tame = fit_long_arx(self.u, self.y, truncate=TAME, lags=lags)
+                best = min(best, (tame, self._run(tame)), key=lambda pair: self._left(pair[1]))
         return best
 
     def _run(self, equation: LongArx) -> Floats:

@@ -158,6 +158,9 @@ class Excite(AtPoint, InWhole, ModelRequest["ExciteResult"]):
         super().__post_init__()
         if len(self._designs) > 1:
             raise InputError(f"{' and '.join(self._designs)}: only one of them at a time")
+        if self.signal is not None and not hasattr(self.signal, "sequences"):
+            kind = type(self.signal).__name__
+            raise InputError(f"signal: a {kind} is no design of an experiment; take PrbsDesign or MultisineDesign")
         if self.validation_samples == 1:
             raise InputError("validation samples: 1 is too few; take at least 2, or 0 for none")
 
