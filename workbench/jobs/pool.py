@@ -214,7 +214,7 @@ class Pool(Runner):
             code = worker.reap()
             if worker.ready:  # all was told: it ended to begin anew, or while it had nothing to do
                 return
-            hungry = code is not None and code > 0 and _HUNGRY in last
+            hungry = code is not None and code > 0 and any(words in last for words in _HUNGRY)
             if worker.seasoned and not worker.opened and worker.index in self._in_work:
                 self._again.append(
                     self._in_work.pop(worker.index)
@@ -319,8 +319,8 @@ _SIGNALS = {
     "SIGKILL": "the worker was killed (SIGKILL), perhaps by the system because memory ran out",
 }
 
-# With these words numpy's and scipy's linear algebra ends a process that gets no memory.
-_HUNGRY = "OpenBLAS error: Memory allocation"
+# With these words numpy's and scipy's linear algebra, or Python itself, end a process that gets no memory.
+_HUNGRY = ("OpenBLAS error: Memory allocation", "MemoryError")
 
 # Exit codes by which Windows tells of a crash.
 _WINDOWS = {
