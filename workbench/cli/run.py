@@ -95,12 +95,9 @@ def run(
 
     Example: `workbench run study:rudder_specification --junit junit.xml --report rudder.html`
     """
-    from workbench.cli.command_line import in_flags
-    from workbench.cli.github import tell_github
     from workbench.cli.interrupt import OnInterrupt, interrupted
     from workbench.cli.notes import note
     from workbench.cli.output import Output
-    from workbench.show.result import page_of
     from workbench.study.read import bundled_studies, is_bundled_study
     from workbench.study.run import StudyRun, default_store
 
@@ -124,12 +121,7 @@ def run(
         with out.failing():
             result = _run(prepared, place, wish, kept=folder is not None, update=update_baselines)
         _show(result, out)
-        page = lambda: in_flags(page_of(result))  # noqa: E731
-        out.write(result.to_dict, csv=result.to_csv, report=result, page=page)
-        if junit is not None:
-            result.to_junit(junit)
-            out.wrote(junit)
-        tell_github(result, page)
+        _write(result, out, junit)
     if wish.came and not result.missing:
         note(f"{interrupted()}: the result is written")
     if wish.came or result.missing:
@@ -183,6 +175,19 @@ def _show(result: StudyResult, out: Output) -> None:
     lines += [f"analysis {run.label}: {_why(outcome.reason)}" for run, outcome in result.failed]
     lines.append(result.words)
     out.say(lambda _: "".join(f"{unbroken(in_flags(line))}\n" for line in lines))
+
+
+def _write(result: StudyResult, out: Output, junit: Path | None) -> None:
+    from workbench.cli.command_line import in_flags
+    from workbench.cli.github import tell_github
+    from workbench.show.result import page_of
+
+    page = lambda: in_flags(page_of(result))  # noqa: E731
+    out.write(result.to_dict, csv=result.to_csv, report=result, page=page)
+    if junit is not None:
+        result.to_junit(junit)
+        out.wrote(junit)
+    tell_github(result, page)
 
 
 def _why(reason: str) -> str:

@@ -69,7 +69,9 @@ def sampled_controller(system: SystemDescription, names: Sequence[str], period: 
         raise InputError(f"out: {min(missing)} is not a block of the system; only blocks make a controller")
     for block in blocks:
         if not re.fullmatch(r"[A-Za-z_]\w*", block.name, re.ASCII):
-            raise InputError(f"out: {block.name} is no name in Modelica; give the block one of letters, digits and _")
+            raise InputError(
+                f"out: '{block.name}' is not a Modelica identifier; name the block with letters, digits and _"
+            )
         if linear_block(block) is None:
             raise InputError(f"out: {block.name} is not a linear block, a PI or a PID controller")
         integrator = block.block if isinstance(block, BlockComponent) else None
